@@ -1,0 +1,167 @@
+"""A whole robot on a serial line, as a function of time: the core behind every port.
+
+A port puts bytes in, lets time pass and takes bytes out. Nothing here reads a clock: `advance`
+brings physics, interpreter and line to a given time, in the caller's thread, so that the same
+bytes at the same times give the same bytes back.
+"""
+
+from dataclasses import dataclass, field
+from math import atan2, cos, hypot, radians, sin
+
+import numpy as np
+
+from khepera_emulator.arena import Arena
+from khepera_emulator.camera import Image, OmniCamera
+from khepera_emulator.drift import PRESETS, DriftSettings
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.firmware import Firmware
+from khepera_emulator.models import KHEPERA, Model
+from khepera_emulator.robot import Robot
+from khepera_emulator.uart import Uart
+from khepera_emulator.world import World
+from protocol.mirror import Mirror
+from protocol.side_channel import Pose, Reset, Truth
+from protocol.units import CONTROL_PERIOD
+
+_PLACE_TRIES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What an emulated robot is made from.
+
+    Attributes:
+        arena: where it drives.
+        model: which Khepera.
+        drift: how far its wheels deceive it.
+        seed: of all its randomness.
+        baud: rate of its line, or None for a line that takes no time.
+        mirror: geometry of its camera.
+    """
+
+    arena: Arena
+    model: Model = KHEPERA
+    drift: DriftSettings = PRESETS["default"]
+    seed: int = 0
+    baud: int | None = 9600
+    mirror: Mirror = field(default_factory=Mirror)
+
+
+class Emulator:
+    """One emulated robot with its world, its line and its camera.
+
+    Attributes:
+        now: time that everything has been brought to, in seconds.
+        uart: the serial line.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.uart = Uart(setup.baud)
+        self.now = 0.0
+        self._power_time = 0.0
+        self._seed = setup.seed
+        self._build(self.start_pose)
+
+    def close(self) -> None:
+        """Give back the physics client."""
+        self._world.close()
+
+    @property
+    def start_pose(self) -> Pose:
+        """Where the arena puts a robot down."""
+        start = self.setup.arena.start
+        return Pose(x=start.x, y=start.y, heading=radians(start.heading))
+
+    def write(self, data: bytes) -> None:
+        """The client puts bytes on the line, now."""
+        self.uart.receive(data, self.now)
+
+    def read(self, limit: int | None = None) -> bytes:
+        """The client takes the bytes that have reached it by now."""
+        return self.uart.sent(self.now, limit)
+
+    def advance(self, until: float) -> None:
+        """Let time pass: drive, carry out the requests that arrive, answer them."""
+        for moment, line in self.uart.requests(until):
+            self._drive(moment)
+            self.uart.send(self._firmware.execute(line), moment)
+        self._drive(until)
+        self.now = max(self.now, until)
+
+    def truth(self) -> Truth:
+        """Ground truth, now."""
+        return self._robot.truth().model_copy(update={"time": self.now})
+
+    def mirror_image(self) -> Image:
+        """What the camera sees now, in its mirror."""
+        return self._camera.mirror_image(self._robot.chassis.pose)
+
+    def panorama(self) -> Image:
+        """What the camera sees now, unwrapped."""
+        return self._camera.panorama(self._robot.chassis.pose)
+
+    def reset(self, reset: Reset) -> Truth:
+        """Put the robot somewhere, powered on afresh, the line silent.
+
+        With a seed the whole world is made anew, so that what follows depends on nothing before.
+
+        Raises:
+            EmulatorError: the pose is not free, or no free one was found.
+        """
+        if reset.seed is not None:
+            self._seed = reset.seed
+        pose = reset.pose or self.start_pose
+        if reset.random:
+            pose = self._random_pose()
+        elif self._gap(pose) <= 0.0:
+            raise EmulatorError(
+                f"no room for the robot at x={pose.x:.3f} m, y={pose.y:.3f} m: something is there"
+            )
+        self.uart.clear()
+        if reset.seed is not None:
+            self._world.close()
+            self._build(pose)
+        else:
+            self._robot.power_on()
+            self._robot.chassis.place(pose)
+            self._robot.touched = False
+        return self.truth()
+
+    def _build(self, pose: Pose) -> None:
+        setup = self.setup
+        robot, camera, self._places = np.random.default_rng(self._seed).spawn(3)
+        self._world = World(setup.arena)
+        self._robot = Robot(self._world, setup.model, pose, setup.drift, robot)
+        self._firmware = Firmware(self._robot)
+        self._camera = OmniCamera(self._world, camera, setup.mirror)
+        self._power_time = self.now
+
+    def _drive(self, until: float) -> None:
+        due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
+        while self._robot.ticks < due:
+            self._robot.tick()
+
+    def _gap(self, pose: Pose) -> float:
+        return self._world.plan.clearance(pose.x, pose.y) - self.setup.model.radius
+
+    def _random_pose(self) -> Pose:
+        free = self.setup.arena.free
+        points = np.array(free.points)
+        stretches = np.diff(points, axis=0)
+        lengths = np.hypot(*stretches.T)
+        for _ in range(_PLACE_TRIES):
+            along, aside, turn = self._places.uniform([0, -1, -1], [lengths.sum(), 1, 1])
+            k = min(int(np.searchsorted(np.cumsum(lengths), along)), len(lengths) - 1)
+            along -= lengths[:k].sum()
+            ux, uy = stretches[k] / hypot(*stretches[k])
+            aside *= free.half_width
+            heading = atan2(uy, ux) + turn * radians(free.heading_spread)
+            pose = Pose(
+                x=float(points[k][0] + along * ux - aside * uy),
+                y=float(points[k][1] + along * uy + aside * ux),
+                heading=atan2(sin(heading), cos(heading)),
+            )
+            if self._gap(pose) >= free.gap:
+                return pose
+        raise EmulatorError(f"no free place for a robot found in {self.setup.arena.title!r}")

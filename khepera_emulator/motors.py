@@ -1,0 +1,202 @@
+"""One wheel's motor and its controllers, stepped every 10 ms.
+
+Three ways of driving a wheel, of which the last commanded wins at once: a duty cycle (P), a PID
+on speed (D), and a PID on position (C) that follows a trapezoidal profile: the reference speeds
+up with the profile's acceleration to its top speed, and begins to brake when the way left is the
+braking distance v^2 / 2a. Positions are encoder counts, speeds counts a period.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from math import copysign, exp, floor, sqrt
+
+from khepera_emulator.models import Motor
+from protocol.units import CONTROL_PERIOD
+
+FULL_DUTY = 255.0
+REACHED_WITHIN = 1
+"""Counts between position and target at which a finished profile counts as reached (a choice)."""
+
+
+class Mode(Enum):
+    """What drives the wheel."""
+
+    SPEED = auto()
+    POSITION = auto()
+    DUTY = auto()
+
+
+@dataclass(slots=True)
+class Gains:
+    """Gains of a PID, in the fixed-point units of A and F."""
+
+    kp: int
+    ki: int
+    kd: int
+
+
+@dataclass(slots=True)
+class Profile:
+    """Limits of the position controller: top speed, and acceleration in 1/256 count a period^2."""
+
+    speed: int
+    acceleration: int
+
+
+@dataclass(slots=True)
+class Wheel:
+    """Controller, motor and encoder of one wheel.
+
+    Attributes:
+        travel: way of the wheel in counts since power-on, with its fraction.
+        speed: present speed.
+        measured: counts of the last period, which is all that the controllers see.
+        offset: what G added to the encoder.
+    """
+
+    motor: Motor
+    speed_gains: Gains
+    position_gains: Gains
+    profile: Profile
+    mode: Mode = Mode.SPEED
+    set_speed: int = 0
+    target: int = 0
+    set_duty: int = 0
+    travel: float = 0.0
+    speed: float = 0.0
+    measured: int = 0
+    offset: int = 0
+    reached: bool = False
+    _reference: float = 0.0
+    _reference_speed: float = 0.0
+    _integral: float = 0.0
+    _last_error: float = 0.0
+    _response: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._response = 1.0 - exp(-CONTROL_PERIOD / self.motor.time_constant)
+
+    @property
+    def counter(self) -> int:
+        """Encoder counter, a signed 32-bit number that wraps."""
+        return (floor(self.travel) + self.offset + 2**31) % 2**32 - 2**31
+
+    @counter.setter
+    def counter(self, value: int) -> None:
+        self._reference += value - self.counter
+        self.offset = value - floor(self.travel)
+
+    @property
+    def error(self) -> int:
+        """Control error: target minus position, or set speed minus measured speed."""
+        if self.mode is Mode.POSITION:
+            return self.target - self.counter
+        return self.set_speed - self.measured if self.mode is Mode.SPEED else 0
+
+    def drive_speed(self, speed: int) -> None:
+        """Hold a speed; the set-point counts at once."""
+        if self.mode is not Mode.SPEED:
+            self._clear()
+            # take over without a jump: the integral begins at the duty that holds this speed
+            self._integral = self._holding_duty(self.speed) * self._scale(self.speed_gains.ki)
+        self.mode, self.set_speed, self.reached = Mode.SPEED, speed, False
+
+    def drive_position(self, target: int) -> None:
+        """Go to a counter value along the profile, from the present place and speed."""
+        if self.mode is not Mode.POSITION:
+            self._clear()
+            self._reference, self._reference_speed = float(self.counter), self.speed
+        self.mode, self.target, self.reached = Mode.POSITION, target, False
+
+    def drive_duty(self, duty: int) -> None:
+        """Put a duty cycle on the motor, open loop."""
+        self.mode, self.set_duty, self.reached = Mode.DUTY, duty, False
+
+    def control(self) -> float:
+        """Run the controllers for one period.
+
+        Returns:
+            The speed that the motor would have at the period's end if nothing held the wheel.
+        """
+        if self.mode is Mode.DUTY:
+            duty = float(self.set_duty)
+        elif self.mode is Mode.SPEED:
+            duty = self._pid(self.speed_gains, float(self.set_speed - self.measured))
+        else:
+            self._advance_reference()
+            # the profile's own speed is fed forward, so that the PID has only its errors to mend
+            duty = self._holding_duty(self._reference_speed) + self._pid(
+                self.position_gains, self._reference - self.counter
+            )
+            duty = min(max(duty, -FULL_DUTY), FULL_DUTY)
+        force = abs(duty) - self.motor.friction
+        if force <= 0.0:
+            free = 0.0
+        else:
+            free = copysign(force, duty) * self.motor.top_speed / (FULL_DUTY - self.motor.friction)
+        speed = self.speed + (free - self.speed) * self._response
+        # standing friction: a motor without drive comes to rest instead of creeping for ever
+        return 0.0 if free == 0.0 and abs(speed) < 0.05 else speed
+
+    def roll(self, way: float, speed: float) -> None:
+        """Take in what the wheel really did in the period: way in counts, speed at its end."""
+        before = floor(self.travel)
+        self.travel += way
+        self.speed = speed
+        self.measured = floor(self.travel) - before
+        if self.mode is Mode.POSITION and not self.reached:
+            self.reached = (
+                self._reference == self.target
+                and self._reference_speed == 0.0
+                and abs(self.error) <= REACHED_WITHIN
+            )
+
+    def at_rest(self) -> bool:
+        """Whether the wheel stands and nothing drives it."""
+        if self.speed != 0.0 or self.measured != 0:
+            return False
+        if self.mode is Mode.POSITION:
+            return self.reached and self.error == 0
+        return not (self.set_speed if self.mode is Mode.SPEED else self.set_duty)
+
+    def _clear(self) -> None:
+        self._integral = self._last_error = 0.0
+        self._reference_speed = 0.0
+
+    def _scale(self, gain: int) -> float:
+        return self.motor.gain_scale / gain if gain else 0.0
+
+    def _holding_duty(self, speed: float) -> float:
+        if speed == 0.0:
+            return 0.0
+        motor = self.motor
+        return copysign(motor.friction, speed) + speed * (FULL_DUTY - motor.friction) / (
+            motor.top_speed
+        )
+
+    def _pid(self, gains: Gains, error: float) -> float:
+        scale = self.motor.gain_scale
+        if gains.ki:
+            limit = FULL_DUTY * scale / gains.ki
+            self._integral = min(max(self._integral + error, -limit), limit)
+        change, self._last_error = error - self._last_error, error
+        duty = (gains.kp * error + gains.ki * self._integral + gains.kd * change) / scale
+        return min(max(duty, -FULL_DUTY), FULL_DUTY)
+
+    def _advance_reference(self) -> None:
+        way = self.target - self._reference
+        acceleration = self.profile.acceleration / 256
+        if way == 0.0 and self._reference_speed == 0.0:
+            return
+        if acceleration == 0.0 or self.profile.speed == 0:
+            self._reference_speed = 0.0  # a profile without speed or acceleration goes nowhere
+            return
+        braking = sqrt(2.0 * acceleration * abs(way) + acceleration**2 / 4) - acceleration / 2
+        wanted = copysign(min(self.profile.speed, braking), way)
+        speed = self._reference_speed
+        speed += min(max(wanted - speed, -acceleration), acceleration)
+        if abs(way) <= max(abs(speed), 0.5 * acceleration) and abs(speed) <= 2 * acceleration:
+            self._reference, self._reference_speed = float(self.target), 0.0
+            return
+        self._reference += speed
+        self._reference_speed = speed

@@ -1,0 +1,1 @@
+"""Ways to reach an emulated robot: a pseudo-terminal, and a pySerial URL."""

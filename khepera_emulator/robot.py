@@ -1,0 +1,132 @@
+"""The robot as its firmware finds it: wheels, sensors, lamps and bus, at one moment of time."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from khepera_emulator.chassis import Chassis
+from khepera_emulator.drift import DriftSettings, draw_drift, slip_sequence
+from khepera_emulator.infrared import SCAN_PERIOD, Infrared
+from khepera_emulator.models import Model
+from khepera_emulator.motors import Gains, Profile, Wheel
+from khepera_emulator.world import World
+from protocol.side_channel import Pose, Truth
+from protocol.units import CONTROL_PERIOD, PULSE
+
+_SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
+_BATTERY_COUNTS = 600
+"""Channel 0: half of 4.8 V, as 2.4 V. Nothing documents channels 0 to 2 (a choice)."""
+
+_SPOT_SLIP = 2.0
+"""How much more a robot slips that turns on the spot (a choice)."""
+
+
+@dataclass(slots=True)
+class Panel:
+    """What a client can set and see beside the motors."""
+
+    leds: list[bool] = field(default_factory=lambda: [False, False])
+    outputs: dict[int, int] = field(default_factory=dict)
+    inputs: dict[int, int] = field(default_factory=dict)
+    analogue: list[int] = field(default_factory=lambda: [_BATTERY_COUNTS, 0, 0, 0, 0, 0])
+
+
+class Robot:
+    """One Khepera in a world; its time advances in control periods of 10 ms.
+
+    Args:
+        world: where it is.
+        model: which of the two robots.
+        pose: where it is put down.
+        drift: how far its wheels may deceive it.
+        rng: source of all its randomness: drift, slip and sensor noise have a stream each.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        model: Model,
+        pose: Pose,
+        drift: DriftSettings,
+        rng: np.random.Generator,
+    ) -> None:
+        self.model = model
+        systematic, slip, sensors = rng.spawn(3)
+        self.drift = draw_drift(drift, model.wheel_base, systematic)
+        self._slip = slip_sequence(slip)
+        self.chassis = Chassis(world, model, self.drift, pose)
+        self.infrared = Infrared(model, world.plan, world.arena.lamp, sensors)
+        self.touched = False
+        self.ticks = 0
+        self._scan_pose = pose
+        self._scans: dict[str, tuple[int, ...]] = {}
+        self.power_on()
+
+    def power_on(self) -> None:
+        """Everything that power-on, the reset button or `restart` sets; the body stays put."""
+        self.wheels = self._wheel(), self._wheel()
+        self.panel = Panel()
+
+    @property
+    def time(self) -> float:
+        """Seconds of simulated time since the robot was made."""
+        return self.ticks * CONTROL_PERIOD
+
+    def tick(self) -> None:
+        """Let one control period pass."""
+        left, right = self.wheels
+        self.ticks += 1
+        if not (left.at_rest() and right.at_rest()):
+            self._drive(left, right)
+        if self.ticks % _SCAN_TICKS == 0:
+            self._scan_pose = self.chassis.pose
+            self._scans.clear()
+
+    def proximity(self) -> tuple[int, ...]:
+        """The latest proximity scan: eight counts."""
+        # computed when first asked for: most scans are never read
+        if "proximity" not in self._scans:
+            self._scans["proximity"] = self.infrared.proximity(self._scan_pose)
+        return self._scans["proximity"]
+
+    def ambient(self) -> tuple[int, ...]:
+        """The latest ambient light scan: eight counts."""
+        if "ambient" not in self._scans:
+            self._scans["ambient"] = self.infrared.ambient(self._scan_pose)
+        return self._scans["ambient"]
+
+    def truth(self) -> Truth:
+        """Ground truth, for scoring."""
+        return Truth(
+            time=self.time,
+            pose=self.chassis.pose,
+            speed=self.chassis.ground_speed,
+            contact=self.chassis.contact,
+            touched=self.touched,
+            drift=self.drift,
+        )
+
+    def _drive(self, left: Wheel, right: Wheel) -> None:
+        free = left.control(), right.control()
+        # mean of the speeds at both ends of the period, in counts and metres a period
+        counts = (left.speed + free[0]) / 2, (right.speed + free[1]) / 2
+        on_the_spot = counts[0] * counts[1] < 0.0
+        sd = self.drift.slip * (_SPOT_SLIP if on_the_spot else 1.0)
+        noise = next(self._slip)
+        ways = self.chassis.roll(
+            (counts[0] * PULSE, counts[1] * PULSE), (sd * noise[0], sd * noise[1])
+        )
+        self.touched = self.touched or self.chassis.contact
+        for wheel, wanted, speed, way in zip(self.wheels, counts, free, ways, strict=True):
+            turned = way / PULSE
+            held = abs(turned - wanted) > 1e-6
+            wheel.roll(turned, turned if held else speed)
+
+    def _wheel(self) -> Wheel:
+        model = self.model
+        return Wheel(
+            model.motor,
+            Gains(*model.speed_gains),
+            Gains(*model.position_gains),
+            Profile(*model.profile),
+        )

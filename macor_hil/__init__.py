@@ -1,0 +1,1 @@
+"""The MACOR controller: sees, learns situations and their transitions, plans by anticipation."""
