@@ -108,7 +108,7 @@ def load_arena(name: str) -> Arena:
     else:
         try:
             text = Path(name).read_text("utf-8")
-        except (OSError, UnicodeDecodeError):
+        except (OSError, ValueError):  # ValueError: not UTF-8, or a NUL in the name
             raise EmulatorError(
                 f"unknown arena {name!r}: neither one of {', '.join(arena_names())}"
                 " nor a readable TOML file"

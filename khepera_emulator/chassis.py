@@ -28,6 +28,16 @@ _GROUND_CLEARANCE = 0.003
 _CONTACT_MARGIN = 0.002
 """Gap in metres below which the dynamics take over, on top of what the next period can bring."""
 
+_WHEELS = (0, 1)
+_DISTANCE = 8
+"""Place of the distance in what PyBullet tells about a point of contact."""
+
+_TOUCH = 1e-4
+"""Metres between two surfaces that count as touching; the solver's own slack is a tenth of it."""
+
+_LEAST_GRIP = 0.2
+"""Least part of a wheel's way that reaches the ground, however large the slip that was drawn."""
+
 _SUBSTEPS = round(CONTROL_PERIOD / PHYSICS_PERIOD)
 
 
@@ -45,7 +55,7 @@ class Chassis:
         self._drift = drift
         self._client = world.client
         self._body = self._build()
-        self._wheel_angle = [0.0, 0.0]
+        self._wheel_angles = (0.0, 0.0)
         self._dynamic = False
         self.contact = False
         self.x, self.y, self.heading = pose.x, pose.y, pose.heading
@@ -77,8 +87,8 @@ class Chassis:
         Returns:
             The ways that the wheels really turned: less when something holds them.
         """
-        left = self._drift.left_scale * (1.0 + slip[0])
-        right = self._drift.right_scale * (1.0 + slip[1])
+        left = self._drift.left_scale * max(1.0 + slip[0], _LEAST_GRIP)
+        right = self._drift.right_scale * max(1.0 + slip[1], _LEAST_GRIP)
         ground = (ways[0] * left, ways[1] * right)
         reach = max(abs(ground[0]), abs(ground[1]))
         if self._free_way < reach + _CONTACT_MARGIN:
@@ -112,29 +122,28 @@ class Chassis:
         radius = self._model.wheel_radius
         # a wheel pulls no harder than its tyre holds: half the weight each, friction 1
         force = self._model.mass * 9.81 / 2 * radius
-        for wheel, way in enumerate(ground):
-            pybullet.setJointMotorControl2(
-                self._body,
-                wheel,
-                pybullet.VELOCITY_CONTROL,
-                targetVelocity=way / CONTROL_PERIOD / radius,
-                force=force,
-                physicsClientId=self._client,
-            )
-        self.contact = False
+        pybullet.setJointMotorControlArray(
+            self._body,
+            _WHEELS,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=[way / (CONTROL_PERIOD * radius) for way in ground],
+            forces=(force, force),
+            physicsClientId=self._client,
+        )
         for _ in range(_SUBSTEPS):
             self._world.step()
-            self.contact = self.contact or self._touches()
+        self.contact = self._touches()
         (self.x, self.y, _), turn = pybullet.getBasePositionAndOrientation(
             self._body, physicsClientId=self._client
         )
         heading = pybullet.getEulerFromQuaternion(turn)[2]
         self.heading += (heading - self.heading + pi) % (2 * pi) - pi
-        turned = []
-        for wheel in (0, 1):
-            angle = pybullet.getJointState(self._body, wheel, physicsClientId=self._client)[0]
-            turned.append((angle - self._wheel_angle[wheel]) * radius)
-            self._wheel_angle[wheel] = angle
+        states = pybullet.getJointStates(self._body, _WHEELS, physicsClientId=self._client)
+        angles = states[0][0], states[1][0]
+        turned = tuple(
+            (new - old) * radius for new, old in zip(angles, self._wheel_angles, strict=True)
+        )
+        self._wheel_angles = angles
         (vx, vy, _), (_, _, rate) = pybullet.getBaseVelocity(
             self._body, physicsClientId=self._client
         )
@@ -145,11 +154,13 @@ class Chassis:
 
     def _touches(self) -> bool:
         solids = self._world.solids
-        return solids is not None and bool(
-            pybullet.getContactPoints(
-                self._body, solids, linkIndexA=-1, physicsClientId=self._client
-            )
+        if solids is None:
+            return False
+        # PyBullet also lists points that are still apart
+        points = pybullet.getContactPoints(
+            self._body, solids, linkIndexA=-1, physicsClientId=self._client
         )
+        return any(point[_DISTANCE] <= _TOUCH for point in points)
 
     def _sync(self, left: float, right: float) -> None:
         """Set the rigid body to the present pose, its wheels turning at given ground speeds."""
@@ -171,7 +182,7 @@ class Chassis:
             pybullet.resetJointState(
                 self._body, wheel, 0.0, speed / radius, physicsClientId=self._client
             )
-        self._wheel_angle = [0.0, 0.0]
+        self._wheel_angles = (0.0, 0.0)
 
     def _build(self) -> int:
         model, client = self._model, self._client

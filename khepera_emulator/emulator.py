@@ -7,6 +7,7 @@ bytes at the same times give the same bytes back.
 
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, radians, sin
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from khepera_emulator.camera import Image, OmniCamera
 from khepera_emulator.drift import PRESETS, DriftSettings
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.firmware import Firmware
+from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.robot import Robot
-from khepera_emulator.uart import Uart
+from khepera_emulator.uart import Uart, on_grid
 from khepera_emulator.world import World
 from protocol.mirror import Mirror
 from protocol.side_channel import Pose, Reset, Truth
@@ -47,21 +49,36 @@ class Setup:
     mirror: Mirror = field(default_factory=Mirror)
 
 
+class _Streams(NamedTuple):
+    """Independent random numbers for the robot, its camera, and the places it is put down at."""
+
+    robot: np.random.Generator
+    camera: np.random.Generator
+    places: np.random.Generator
+
+
+def _streams(seed: int) -> _Streams:
+    return _Streams(*np.random.default_rng(seed).spawn(3))
+
+
 class Emulator:
     """One emulated robot with its world, its line and its camera.
 
     Attributes:
-        now: time that everything has been brought to, in seconds.
+        now: time that everything has been brought to, in seconds; a multiple of `uart.GRID`.
         uart: the serial line.
+
+    Raises:
+        EmulatorError: the arena's start is not free.
     """
 
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
         self.uart = Uart(setup.baud)
         self.now = 0.0
-        self._power_time = 0.0
-        self._seed = setup.seed
-        self._build(self.start_pose)
+        self._plan = FloorPlan(setup.arena)
+        self._check_room(self.start_pose)
+        self._build(self.start_pose, _streams(setup.seed))
 
     def close(self) -> None:
         """Give back the physics client."""
@@ -83,11 +100,12 @@ class Emulator:
 
     def advance(self, until: float) -> None:
         """Let time pass: drive, carry out the requests that arrive, answer them."""
+        until = max(on_grid(until), self.now)
         for moment, line in self.uart.requests(until):
             self._drive(moment)
             self.uart.send(self._firmware.execute(line), moment)
         self._drive(until)
-        self.now = max(self.now, until)
+        self.now = until
 
     def truth(self) -> Truth:
         """Ground truth, now."""
@@ -95,47 +113,49 @@ class Emulator:
 
     def mirror_image(self) -> Image:
         """What the camera sees now, in its mirror."""
-        return self._camera.mirror_image(self._robot.chassis.pose)
+        return self._eye().mirror_image(self._robot.chassis.pose)
 
     def panorama(self) -> Image:
         """What the camera sees now, unwrapped."""
-        return self._camera.panorama(self._robot.chassis.pose)
+        return self._eye().panorama(self._robot.chassis.pose)
 
     def reset(self, reset: Reset) -> Truth:
         """Put the robot somewhere, powered on afresh, the line silent.
 
-        With a seed the whole world is made anew, so that what follows depends on nothing before.
+        With a seed the whole world is made anew, and the control periods are counted from now:
+        what follows equals what follows the making of an emulator with that seed.
 
         Raises:
-            EmulatorError: the pose is not free, or no free one was found.
+            EmulatorError: the pose is not free, or no free one was found; nothing has changed.
         """
-        if reset.seed is not None:
-            self._seed = reset.seed
-        pose = reset.pose or self.start_pose
+        streams = self._streams if reset.seed is None else _streams(reset.seed)
         if reset.random:
-            pose = self._random_pose()
-        elif self._gap(pose) <= 0.0:
-            raise EmulatorError(
-                f"no room for the robot at x={pose.x:.3f} m, y={pose.y:.3f} m: something is there"
-            )
-        self.uart.clear()
-        if reset.seed is not None:
-            self._world.close()
-            self._build(pose)
+            pose = self._random_pose(streams.places)
         else:
-            self._robot.power_on()
-            self._robot.chassis.place(pose)
-            self._robot.touched = False
+            pose = reset.pose or self.start_pose
+            self._check_room(pose)
+        self.uart.clear()
+        if reset.seed is None:
+            self._robot.put_down(pose)
+        else:
+            self._world.close()
+            self._build(pose, streams)
         return self.truth()
 
-    def _build(self, pose: Pose) -> None:
+    def _build(self, pose: Pose, streams: _Streams) -> None:
         setup = self.setup
-        robot, camera, self._places = np.random.default_rng(self._seed).spawn(3)
+        self._streams = streams
         self._world = World(setup.arena)
-        self._robot = Robot(self._world, setup.model, pose, setup.drift, robot)
+        self._robot = Robot(self._world, setup.model, pose, setup.drift, streams.robot)
         self._firmware = Firmware(self._robot)
-        self._camera = OmniCamera(self._world, camera, setup.mirror)
+        self._camera: OmniCamera | None = None
         self._power_time = self.now
+
+    def _eye(self) -> OmniCamera:
+        # made when first asked for: many programs use the serial line alone
+        if self._camera is None:
+            self._camera = OmniCamera(self._world, self._streams.camera, self.setup.mirror)
+        return self._camera
 
     def _drive(self, until: float) -> None:
         due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
@@ -143,15 +163,21 @@ class Emulator:
             self._robot.tick()
 
     def _gap(self, pose: Pose) -> float:
-        return self._world.plan.clearance(pose.x, pose.y) - self.setup.model.radius
+        return self._plan.clearance(pose.x, pose.y) - self.setup.model.radius
 
-    def _random_pose(self) -> Pose:
+    def _check_room(self, pose: Pose) -> None:
+        if self._gap(pose) <= 0.0:
+            raise EmulatorError(
+                f"no room for the robot at x={pose.x:.3f} m, y={pose.y:.3f} m: something is there"
+            )
+
+    def _random_pose(self, rng: np.random.Generator) -> Pose:
         free = self.setup.arena.free
         points = np.array(free.points)
         stretches = np.diff(points, axis=0)
         lengths = np.hypot(*stretches.T)
         for _ in range(_PLACE_TRIES):
-            along, aside, turn = self._places.uniform([0, -1, -1], [lengths.sum(), 1, 1])
+            along, aside, turn = rng.uniform([0, -1, -1], [lengths.sum(), 1, 1])
             k = min(int(np.searchsorted(np.cumsum(lengths), along)), len(lengths) - 1)
             along -= lengths[:k].sum()
             ux, uy = stretches[k] / hypot(*stretches[k])

@@ -2,4 +2,4 @@
 
 
 class EmulatorError(Exception):
-    """The emulator cannot do what it was told; the message says what, with what, and what to try."""
+    """The emulator cannot do what it was told; the message says what, and what to try."""

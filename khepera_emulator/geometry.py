@@ -14,6 +14,8 @@ from khepera_emulator.arena import Arena, Wall
 
 Array = NDArray[np.float64]
 
+_NEVER = 1e200
+
 
 @dataclass(frozen=True, slots=True)
 class Box:
@@ -56,10 +58,15 @@ class FloorPlan:
     def __init__(self, arena: Arena) -> None:
         self.boxes = [box for wall in arena.wall for box in wall_boxes(wall)]
         self.posts = [(*post.centre, post.radius) for post in arena.cylinder]
-        shape = [(b.x, b.y, b.ux, b.uy, b.half_length, b.half_thickness) for b in self.boxes]
-        columns = np.array(shape, dtype=float).reshape(-1, 6).T
-        self._centre, self._along = columns[0:2], columns[2:4]
-        self._half = columns[4:6]
+        along = np.array([(b.ux, b.uy) for b in self.boxes]).reshape(-1, 2)
+        across = along[:, ::-1] * (-1.0, 1.0)
+        centres = np.array([(b.x, b.y) for b in self.boxes]).reshape(-1, 2)
+        # columns: every box's axis along its length, then every box's axis across
+        self._axes = np.concatenate([along, across]).T
+        self._offsets = (np.tile(centres, (2, 1)) * self._axes.T).sum(axis=1)
+        self._halves = np.array(
+            [b.half_length for b in self.boxes] + [b.half_thickness for b in self.boxes]
+        )
         self._posts = np.array(self.posts, dtype=float).reshape(-1, 3).T
         walls = [box.colour for box in self.boxes]
         grey = [sum(colour) / 3 for colour in walls + [post.colour for post in arena.cylinder]]
@@ -91,28 +98,29 @@ class FloorPlan:
             The distances in metres, infinite without a hit, and the grey values (0 to 1) of what
             was hit, both of shape (N,).
         """
-        distances = np.full((len(origins), 1 + len(self.boxes) + len(self.posts)), np.inf)
+        solids = []
         if self.boxes:
-            distances[:, : len(self.boxes)] = self._cast_boxes(origins, directions)
+            solids.append(self._cast_boxes(origins, directions))
         if self.posts:
-            distances[:, len(self.boxes) : -1] = self._cast_posts(origins, directions)
+            solids.append(self._cast_posts(origins, directions))
+        if not solids:
+            return np.full(len(origins), np.inf), np.ones(len(origins))
+        distances = solids[0] if len(solids) == 1 else np.concatenate(solids, axis=1)
         hit = distances.argmin(axis=1)
-        return distances[np.arange(len(hit)), hit], self._grey[hit]
+        nearest = distances[np.arange(len(hit)), hit]
+        return nearest, np.where(nearest < np.inf, self._grey[hit], 1.0)
 
     def _cast_boxes(self, origins: Array, directions: Array) -> Array:
-        (ux, uy), half = self._along, self._half[:, None, :]
-        dx = origins[:, 0, None] - self._centre[0]
-        dy = origins[:, 1, None] - self._centre[1]
-        vx, vy = directions[:, 0, None], directions[:, 1, None]
-        start = np.stack([dx * ux + dy * uy, dy * ux - dx * uy])
-        ray = np.stack([vx * ux + vy * uy, vy * ux - vx * uy])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            near = (-np.copysign(half, ray) - start) / ray
-            far = (np.copysign(half, ray) - start) / ray
-        # a ray along a face (0 / 0) neither enters nor leaves through it
-        enter = np.nan_to_num(near, nan=-np.inf, posinf=np.inf, neginf=-np.inf).max(axis=0)
-        leave = np.nan_to_num(far, nan=np.inf, posinf=np.inf, neginf=-np.inf).min(axis=0)
-        return np.where((leave >= np.maximum(enter, 0.0)), np.maximum(enter, 0.0), np.inf)
+        """Distance of each ray to each box, (N, boxes): where it is between all four faces."""
+        count = len(self.boxes)
+        # a ray along a face never crosses it: as good as never is after _NEVER metres
+        inverse = 1.0 / (directions @ self._axes + 1.0 / _NEVER)
+        middle = (self._offsets - origins @ self._axes) * inverse
+        half = self._halves * np.abs(inverse)
+        near, far = middle - half, middle + half
+        enter = np.maximum(np.maximum(near[:, :count], near[:, count:]), 0.0)
+        leave = np.minimum(far[:, :count], far[:, count:])
+        return np.where(leave >= enter, enter, np.inf)
 
     def _cast_posts(self, origins: Array, directions: Array) -> Array:
         px, py, radius = self._posts

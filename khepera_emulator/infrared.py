@@ -14,14 +14,16 @@ import numpy as np
 
 from khepera_emulator.arena import Lamp
 from khepera_emulator.geometry import Array, FloorPlan
-from khepera_emulator.models import Model
-from protocol.side_channel import Pose
+from khepera_emulator.models import Model, ProximityCurve
 
 SCAN_PERIOD = 0.020
 """Seconds for a scan of all eight sensors; N and O return the latest one."""
 
 _RAY_ANGLES = np.radians([-30.0, -15.0, 0.0, 15.0, 30.0])
 _PENALTY = 6.3e-6 * np.degrees(_RAY_ANGLES) ** 2
+_TABLE_STEP = 0.001
+"""Metres; every recorded gap is a multiple, so that the table holds the record itself."""
+
 _BLACK_LOSS = 0.5
 """Part of a ray's reach that a black surface takes away (KiKS)."""
 
@@ -45,59 +47,64 @@ class Infrared:
         directions = np.array(model.sensor_directions)[:, None] + _RAY_ANGLES
         self._rays = np.stack([np.cos(directions), np.sin(directions)], axis=2).reshape(-1, 2)
         self._origins = np.repeat(self._feet, len(_RAY_ANGLES), axis=0)
-        self._curves = [_unclipped(model.proximity.gaps, row) for row in model.proximity.counts]
+        self._penalty = np.tile(_PENALTY, 8)
+        self._reach = model.proximity.gaps[-1]
+        self._curves, self._sensor = _tabulate(model.proximity), np.arange(8)
+        self._residual = np.array(model.proximity.residual, dtype=float)
 
-    def proximity(self, pose: Pose) -> tuple[int, ...]:
-        """What a scan at a pose reads, with fresh noise; eight counts."""
-        curve = self._model.proximity
-        values = np.array(
-            [
-                np.interp(gap, gaps, counts, right=float(residual))
-                for gap, (gaps, counts), residual in zip(
-                    self.gaps(pose), self._curves, curve.residual, strict=True
-                )
-            ]
-        )
-        fixed, relative = curve.noise
+    def proximity(self, x: float, y: float, heading: float) -> tuple[int, ...]:
+        """What a scan at a place (metres) and heading (radians) reads: eight counts."""
+        values = self.response(self.gaps(x, y, heading))
+        fixed, relative = self._model.proximity.noise
         lit = values > 0.0
         noise = self._rng.standard_normal(8) * (fixed + relative * values)
         # without an object about half of the readings are 0 and the others 1 to 13 (Nolfi)
         floor = np.maximum(self._rng.uniform(-6.5, 7.0, 8), 0.0)
         return self._quantise(np.where(lit, values + noise, floor))
 
-    def ambient(self, pose: Pose) -> tuple[int, ...]:
-        """Ambient light at a pose: about 490 in the dark, down to 50 before a lamp."""
+    def response(self, gaps: Array) -> Array:
+        """The curve of each sensor at its effective gap in metres, without noise.
+
+        Closer than the recorded saturation it goes on rising; beyond the record: the residual.
+        """
+        place = np.minimum(gaps, self._reach) / _TABLE_STEP
+        index = np.minimum(place.astype(int), self._curves.shape[1] - 2)
+        low, high = self._curves[self._sensor, index], self._curves[self._sensor, index + 1]
+        inside = low + (place - index) * (high - low)
+        return np.where(gaps > self._reach, self._residual, inside)
+
+    def ambient(self, x: float, y: float, heading: float) -> tuple[int, ...]:
+        """Ambient light at a place: about 490 counts in the dark, down to 50 before a lamp."""
         values = np.full(8, float(self._model.dark))
         for lamp in self._lamps:
-            values += self._lamp_effect(lamp, pose)
+            values += self._lamp_effect(lamp, x, y, heading)
         values = np.maximum(values, 50.0) + self._rng.uniform(-10.0, 10.0, 8)
         return self._quantise(values)
 
-    def gaps(self, pose: Pose) -> Array:
-        """Effective gap of each sensor to what it sees, in metres; infinite for nothing."""
-        c, s = cos(pose.heading), sin(pose.heading)
+    def gaps(self, x: float, y: float, heading: float) -> Array:
+        """Effective gap of each sensor to what it sees, in metres; infinite beyond its reach."""
+        if self._plan.clearance(x, y) - self._model.radius > self._reach:
+            return np.full(8, np.inf)
+        c, s = cos(heading), sin(heading)
         turn = np.array([[c, s], [-s, c]])
-        origins = self._origins @ turn + (pose.x, pose.y)
-        distances, grey = self._plan.cast(origins, self._rays @ turn)
-        reach = self._model.proximity.gaps[-1]
-        dim = _BLACK_LOSS * (1.0 - grey) * np.maximum(reach - distances, 0.0)
-        effective = distances + dim + np.tile(_PENALTY, 8)
+        distances, grey = self._plan.cast(self._origins @ turn + (x, y), self._rays @ turn)
+        dim = _BLACK_LOSS * (1.0 - grey) * np.maximum(self._reach - distances, 0.0)
+        effective = distances + dim + self._penalty
         nearest: Array = effective.reshape(8, -1).min(axis=1)
         return nearest
 
-    def _lamp_effect(self, lamp: Lamp, pose: Pose) -> Array:
+    def _lamp_effect(self, lamp: Lamp, x: float, y: float, heading: float) -> Array:
         effect = np.zeros(8)
+        c, s = cos(heading), sin(heading)
         for i, direction in enumerate(self._model.sensor_directions):
-            c, s = cos(pose.heading), sin(pose.heading)
             fx, fy = self._feet[i]
-            dx = lamp.centre[0] - pose.x - (c * fx - s * fy)
-            dy = lamp.centre[1] - pose.y - (s * fx + c * fy)
+            eye = np.array([x + c * fx - s * fy, y + s * fx + c * fy])
+            dx, dy = lamp.centre[0] - eye[0], lamp.centre[1] - eye[1]
             distance = max(hypot(dx, dy), 1e-6)
-            off_axis = abs((atan2(dy, dx) - pose.heading - direction + pi) % (2 * pi) - pi)
+            off_axis = abs((atan2(dy, dx) - heading - direction + pi) % (2 * pi) - pi)
             if off_axis >= pi / 2:
                 continue
-            origin = np.array([[pose.x + c * fx - s * fy, pose.y + s * fx + c * fy]])
-            blocked, _ = self._plan.cast(origin, np.array([[dx, dy]]) / distance)
+            blocked, _ = self._plan.cast(eye[None], np.array([[dx, dy]]) / distance)
             if blocked[0] < distance:
                 continue
             # inverse square: a lamp of four times the power acts from twice as far
@@ -109,18 +116,23 @@ class Infrared:
 
     def _quantise(self, values: Array) -> tuple[int, ...]:
         step, top = self._model.proximity.step, self._model.full_scale
-        steps = np.clip(values, 0, top).astype(int) // step * step
+        steps = np.minimum(np.maximum(values, 0.0), top).astype(int) // step * step
         return tuple(steps.tolist())
 
 
-def _unclipped(gaps: Sequence[float], counts: Sequence[int]) -> tuple[Array, Array]:
-    """A recorded curve without its saturated part, which goes on as steeply as it began.
+def _tabulate(curve: ProximityCurve) -> Array:
+    """The recorded curves at multiples of `_TABLE_STEP` from 0, shape (8, M).
 
-    Noise then acts on the light that the sensor receives, and a robot close to a wall reads a
-    steady full scale, as real ones do.
+    The saturated part is replaced: a curve goes on as steeply as it began. Noise then acts on
+    the light that the sensor receives, and a robot close to a wall reads a steady full scale, as
+    real ones do.
     """
-    x, y = np.array(gaps), np.array(counts, dtype=float)
-    first = max(int(np.flatnonzero(y < y.max())[0]) - 1, 0)
-    x, y = x[first:], y[first:]
-    slope = (y[1] - y[0]) / (x[1] - x[0])
-    return np.concatenate([[x[0] - 0.1], x]), np.concatenate([[y[0] - 0.1 * slope], y])
+    recorded = np.array(curve.gaps)
+    gaps = np.arange(round(curve.gaps[-1] / _TABLE_STEP) + 1) * _TABLE_STEP
+    rows = []
+    for counts in np.array(curve.counts, dtype=float):
+        first = max(int(np.flatnonzero(counts < counts.max())[0]) - 1, 0)
+        x, y = recorded[first:], counts[first:]
+        slope = (y[1] - y[0]) / (x[1] - x[0])
+        rows.append(np.where(gaps < x[0], y[0] + (gaps - x[0]) * slope, np.interp(gaps, x, y)))
+    return np.array(rows)

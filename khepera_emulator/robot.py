@@ -58,14 +58,21 @@ class Robot:
         self.infrared = Infrared(model, world.plan, world.arena.lamp, sensors)
         self.touched = False
         self.ticks = 0
-        self._scan_pose = pose
         self._scans: dict[str, tuple[int, ...]] = {}
+        self._start_scan()
         self.power_on()
 
     def power_on(self) -> None:
         """Everything that power-on, the reset button or `restart` sets; the body stays put."""
         self.wheels = self._wheel(), self._wheel()
         self.panel = Panel()
+
+    def put_down(self, pose: Pose) -> None:
+        """Move the robot somewhere else and power it on afresh."""
+        self.chassis.place(pose)
+        self.touched = False
+        self._start_scan()
+        self.power_on()
 
     @property
     def time(self) -> float:
@@ -76,23 +83,24 @@ class Robot:
         """Let one control period pass."""
         left, right = self.wheels
         self.ticks += 1
-        if not (left.at_rest() and right.at_rest()):
+        if left.at_rest() and right.at_rest():
+            self.chassis.ground_speed = (0.0, 0.0)
+        else:
             self._drive(left, right)
         if self.ticks % _SCAN_TICKS == 0:
-            self._scan_pose = self.chassis.pose
-            self._scans.clear()
+            self._start_scan()
 
     def proximity(self) -> tuple[int, ...]:
         """The latest proximity scan: eight counts."""
         # computed when first asked for: most scans are never read
         if "proximity" not in self._scans:
-            self._scans["proximity"] = self.infrared.proximity(self._scan_pose)
+            self._scans["proximity"] = self.infrared.proximity(*self._scan_pose)
         return self._scans["proximity"]
 
     def ambient(self) -> tuple[int, ...]:
         """The latest ambient light scan: eight counts."""
         if "ambient" not in self._scans:
-            self._scans["ambient"] = self.infrared.ambient(self._scan_pose)
+            self._scans["ambient"] = self.infrared.ambient(*self._scan_pose)
         return self._scans["ambient"]
 
     def truth(self) -> Truth:
@@ -105,6 +113,11 @@ class Robot:
             touched=self.touched,
             drift=self.drift,
         )
+
+    def _start_scan(self) -> None:
+        chassis = self.chassis
+        self._scan_pose = chassis.x, chassis.y, chassis.heading
+        self._scans.clear()
 
     def _drive(self, left: Wheel, right: Wheel) -> None:
         free = left.control(), right.control()

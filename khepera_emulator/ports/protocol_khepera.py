@@ -17,13 +17,20 @@ Options after `?`, joined with `&`:
 Not modelled: break conditions and modem lines are accepted and do nothing.
 """
 
+from collections.abc import Callable
+from math import inf
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-from serial import SerialBase, SerialException, SerialTimeoutException
+from serial import SerialBase, SerialException
 from serial.serialutil import PortNotOpenError
 
+from khepera_emulator.uart import on_grid
+
 _OPTIONS = ("seed", "model", "drift", "baud")
+_DIGITS = 18
+_POLL_TIME = 1e-4
+"""Seconds that asking for bytes takes when there are none, and nobody waits."""
 
 
 class Serial(SerialBase):
@@ -60,11 +67,11 @@ class Serial(SerialBase):
                 model=find_model(options.get("model", "khepera")),
                 drift=parse_drift(options.get("drift", "default")),
                 seed=_whole("seed", options.get("seed", "0")),
-                baud=None if rate in ("auto", "unpaced") else _whole("baud", rate),
+                baud=_rate(rate),
             )
+            self.emulator = Emulator(setup)
         except EmulatorError as error:
             raise SerialException(f"{self.portstr}: {error}") from None
-        self.emulator = Emulator(setup)
         self.is_open = True
         self._reconfigure_port()
 
@@ -88,7 +95,7 @@ class Serial(SerialBase):
         emulator = self._open_emulator()
         waiting = emulator.uart.arrived(emulator.now)
         if not waiting:
-            emulator.advance(emulator.now + 1e-4)
+            emulator.advance(emulator.now + on_grid(_POLL_TIME))
             waiting = emulator.uart.arrived(emulator.now)
         return int(waiting)
 
@@ -101,35 +108,71 @@ class Serial(SerialBase):
         """
         emulator = self._open_emulator()
         uart = emulator.uart
-        deadline = None if self.timeout is None else emulator.now + self.timeout
-        data = bytearray(emulator.read(size))
-        while len(data) < size:
-            event = uart.next_event()
-            if event is None and deadline is None:
+        return self._take(emulator, lambda: size if uart.queued() >= size else 0, size)
+
+    def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
+        """Bytes up to and with `expected`, at most `size` of them; fewer after the time-out.
+
+        Raises:
+            SerialException: as for `read`.
+        """
+        emulator = self._open_emulator()
+        uart = emulator.uart
+
+        def complete() -> int:
+            end = uart.find(expected) + len(expected)
+            if end >= len(expected) and (size is None or end <= size):
+                return int(end)
+            return size if size is not None and uart.queued() >= size else 0
+
+        return self._take(emulator, complete, size)
+
+    def readline(self, size: int | None = -1, /) -> bytes:
+        """A line with its line feed; fewer bytes after the time-out."""
+        return self.read_until(size=None if size is None or size < 0 else size)
+
+    def _take(self, emulator: Any, complete: Callable[[], int], limit: int | None) -> bytes:
+        """Let time pass until enough bytes have come, or to the time-out; take them.
+
+        Args:
+            emulator: the robot.
+            complete: how many of the bytes that are queued make up what is waited for, 0 if
+                they do not yet.
+            limit: how many to take at most after a time-out.
+        """
+        if limit == 0:
+            return b""
+        uart = emulator.uart
+        # without waiting a tenth of a millisecond passes, so that polling gets somewhere
+        timeout = self.timeout
+        wait = None if timeout is None else on_grid(max(timeout, _POLL_TIME))
+        deadline = inf if wait is None else emulator.now + wait
+        while not (count := complete()):
+            event = uart.next_request()
+            if event is None and wait is None:
                 raise SerialException(
                     "read without a time-out, and nothing is on its way: the robot speaks only"
                     " when asked; set a timeout"
                 )
-            if event is None or (deadline is not None and event > deadline):
-                emulator.advance(max(emulator.now, deadline or emulator.now))
+            if event is None or event > deadline:
                 break
-            emulator.advance(max(emulator.now, event))
-            data += emulator.read(size - len(data))
-        return bytes(data)
+            emulator.advance(event)
+        if count and uart.due(count) <= deadline:
+            emulator.advance(uart.due(count))
+            return bytes(emulator.read(count))
+        emulator.advance(deadline)
+        return bytes(emulator.read(limit))
 
     def write(self, b: Any, /) -> int:
         """Put bytes on the line; the robot receives them as time passes."""
-        emulator = self._open_emulator()
         data = bytes(b)
-        emulator.write(data)
-        if self.write_timeout is not None and self.write_timeout < 0:
-            raise SerialTimeoutException("Write timeout")
+        self._open_emulator().write(data)
         return len(data)
 
     def flush(self) -> None:
         """Let time pass until everything written has arrived at the robot."""
         emulator = self._open_emulator()
-        emulator.advance(max(emulator.now, emulator.uart.received_by()))
+        emulator.advance(emulator.uart.received_by())
 
     def reset_input_buffer(self) -> None:
         """Drop what has arrived and was not read."""
@@ -161,7 +204,7 @@ class Serial(SerialBase):
     def send_break(self, duration: float = 0.25) -> None:
         """Let the time of the break pass."""
         emulator = self._open_emulator()
-        emulator.advance(emulator.now + duration)
+        emulator.advance(emulator.now + on_grid(duration))
 
     @property
     def cts(self) -> bool:
@@ -196,6 +239,16 @@ def _split(url: str) -> tuple[str, dict[str, str]]:
 
 
 def _whole(name: str, text: str) -> int:
-    if not text.isdecimal():
-        raise SerialException(f"{name}={text} is not a whole number")
+    if not (text.isascii() and text.isdecimal() and len(text) <= _DIGITS):
+        raise SerialException(f"{name}={text!r} is not a whole number of up to {_DIGITS} digits")
     return int(text)
+
+
+def _rate(text: str) -> int | None:
+    """Rate in bits a second that an option fixes; None for none."""
+    if text in ("auto", "unpaced"):
+        return None
+    rate = _whole("baud", text)
+    if rate == 0:
+        raise SerialException("baud=0 is no rate; give bits a second, or unpaced")
+    return rate
