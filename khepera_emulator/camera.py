@@ -1,10 +1,13 @@
 """The omnidirectional camera: PyBullet renders four side views, one look-up makes the picture.
 
 Four faces of 90 degrees lie side by side in one atlas; a map computed once says from where in it
-every pixel of the mirror image (or of the panorama) comes.
+every pixel of the mirror image (or of the panorama) comes. Floor and sky are even in colour, so
+that the rows below and above the horizon are painted first and the renderer, which takes 0.3 us
+for every pixel that something covers, draws only what stands on the floor.
 """
 
-from math import cos, pi, sin, tan
+from functools import cache
+from math import cos, hypot, pi, sin, tan
 
 import cv2
 import numpy as np
@@ -26,6 +29,9 @@ NOISE = 2.0
 
 _FACES = 4
 _NOISE_POOL = 1 << 20
+
+_LIGHT = (0.3, 0.5, 1.0)
+_AMBIENT, _DIFFUSE = 0.7, 0.3
 
 
 class OmniCamera:
@@ -61,18 +67,15 @@ class OmniCamera:
         )
         self._mirror_map = self._look_up(*_mirror_rays(mirror))
         self._panorama_map = self._look_up(*_panorama_rays(mirror))
-        self._outside = _outside(mirror)
+        self._inside = _inside(mirror)
+        self._background = self._empty_atlas()
         self._rng = rng
-        self._noise: NDArray[np.int8] | None = None
-        if noise > 0.0:
-            levels = rng.standard_normal(_NOISE_POOL) * noise
-            self._noise = np.clip(np.rint(levels), -127, 127).astype(np.int8)
+        self._noise = _noise_pool(noise) if noise > 0.0 else None
 
     def mirror_image(self, pose: Pose) -> Image:
         """What the camera sees in its mirror; black outside the mirror."""
         image = self._grain(self._remap(pose, self._mirror_map))
-        image[self._outside] = 0
-        return image
+        return np.asarray(cv2.bitwise_and(image, self._inside), dtype=np.uint8)
 
     def panorama(self, pose: Pose) -> Image:
         """The unwrapped view: straight ahead in the middle, left at the left, up at the top."""
@@ -82,33 +85,45 @@ class OmniCamera:
         picture = cv2.remap(self._render(pose), maps[0], maps[1], cv2.INTER_LINEAR)
         return np.asarray(picture, dtype=np.uint8)
 
+    def _empty_atlas(self) -> Image:
+        """The atlas of an empty arena: floor up to the horizon, sky above it."""
+        arena = self._world.arena
+        shade = _AMBIENT + _DIFFUSE * _LIGHT[2] / hypot(*_LIGHT)
+        horizon = self._top / (self._top - self._bottom) * self._rows
+        atlas = np.empty((self._rows, _FACES * self._size, 3), np.uint8)
+        above = np.arange(self._rows) + 0.5 < horizon
+        # PyBullet cuts fractions off
+        atlas[above] = [round(255 * share) for share in reversed(arena.sky)]
+        atlas[~above] = [int(255 * share * shade) for share in reversed(arena.floor)]
+        return atlas
+
     def _render(self, pose: Pose) -> Image:
         """The atlas of the four faces, ahead, left, behind, right."""
-        eye = (pose.x, pose.y, HEIGHT)
-        atlas = np.empty((self._rows, _FACES * self._size, 3), np.uint8)
-        sky = tuple(round(255 * share) for share in reversed(self._world.arena.sky))
+        atlas = self._background.copy()
         for face in range(_FACES):
             azimuth = pose.heading + face * pi / 2
             view = pybullet.computeViewMatrix(
-                eye, (eye[0] + cos(azimuth), eye[1] + sin(azimuth), HEIGHT), (0.0, 0.0, 1.0)
+                (pose.x, pose.y, HEIGHT),
+                (pose.x + cos(azimuth), pose.y + sin(azimuth), HEIGHT),
+                (0.0, 0.0, 1.0),
             )
-            _, _, pixels, depth, body = pybullet.getCameraImage(
+            _, _, pixels, _, body = pybullet.getCameraImage(
                 self._size,
                 self._rows,
                 view,
                 self._projection,
                 shadow=0,
-                lightDirection=(0.3, 0.5, 1.0),
-                lightAmbientCoeff=0.7,
-                lightDiffuseCoeff=0.3,
+                lightDirection=_LIGHT,
+                lightAmbientCoeff=_AMBIENT,
+                lightDiffuseCoeff=_DIFFUSE,
                 lightSpecularCoeff=0.0,
                 renderer=pybullet.ER_TINY_RENDERER,
                 flags=0,
                 physicsClientId=self._world.client,
             )
             part = atlas[:, face * self._size : (face + 1) * self._size]
-            part[:] = pixels[:, :, 2::-1]
-            part[body < 0] = sky
+            solid = (body >= 0).view(np.uint8)
+            cv2.copyTo(cv2.cvtColor(pixels, cv2.COLOR_RGBA2BGR), solid, part)
         return atlas
 
     def _look_up(
@@ -145,12 +160,19 @@ def _mirror_rays(mirror: Mirror) -> tuple[NDArray[np.float64], NDArray[np.float6
     return np.arctan2(-x, -y), elevation
 
 
-def _outside(mirror: Mirror) -> NDArray[np.bool_]:
-    """Pixels of the image that lie beside the mirror or show the camera itself."""
+def _inside(mirror: Mirror) -> Image:
+    """255 on the pixels of the mirror, 0 beside it and where it shows the camera itself."""
     y, x = np.mgrid[0 : mirror.height, 0 : mirror.width].astype(float)
     radius = np.hypot(x - mirror.centre_x, y - mirror.centre_y)
-    outside: NDArray[np.bool_] = (radius < mirror.inner - 0.5) | (radius > mirror.outer + 0.5)
-    return outside
+    inside = (radius >= mirror.inner - 0.5) & (radius <= mirror.outer + 0.5)
+    return np.repeat(inside[:, :, None], 3, axis=2).astype(np.uint8) * 255
+
+
+@cache
+def _noise_pool(noise: float) -> NDArray[np.int8]:
+    """Noise to cut from, the same for all cameras: their own randomness says where to cut."""
+    levels = np.random.default_rng(0).standard_normal(_NOISE_POOL) * noise
+    return np.clip(np.rint(levels), -127, 127).astype(np.int8)
 
 
 def _panorama_rays(

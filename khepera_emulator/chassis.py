@@ -18,6 +18,7 @@ from khepera_emulator.world import (
     PHYSICS_PERIOD,
     SOLID_GROUP,
     World,
+    hide,
 )
 from protocol.side_channel import Pose, WheelDrift
 from protocol.units import CONTROL_PERIOD
@@ -252,4 +253,5 @@ class Chassis:
                 (BODY_GROUP, SOLID_GROUP | BODY_GROUP) if link == -1 else (FLOOR_GROUP, FLOOR_GROUP)
             )
             pybullet.setCollisionFilterGroupMask(body, link, group, mask, physicsClientId=client)
+        hide(body, client)
         return body

@@ -18,8 +18,14 @@ Half of it changes a drive by 0.01 %, a turn by 0.1 degree in 860, and a slide a
 FLOOR_GROUP, SOLID_GROUP, BODY_GROUP = 1, 2, 4
 """Collision groups: wheels and casters touch the floor only, bodies the rest."""
 
-_FLOOR_HALF = 3.0
+_FLOOR_HALF = 11.0
 _FLOOR_THICKNESS = 0.1
+
+
+def hide(body: int, client: int) -> None:
+    """Make a body without visual shapes invisible: PyBullet would show its collision shapes."""
+    for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
+        pybullet.changeVisualShape(body, link, rgbaColor=[0, 0, 0, 0], physicsClientId=client)
 
 
 class World:
@@ -61,15 +67,11 @@ class World:
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client
         )
-        look = pybullet.createVisualShape(
-            pybullet.GEOM_BOX,
-            halfExtents=half,
-            rgbaColor=[*self.arena.floor, 1],
-            physicsClientId=self.client,
-        )
         floor: int = pybullet.createMultiBody(
-            0, shape, look, [0, 0, -_FLOOR_THICKNESS / 2], physicsClientId=self.client
+            0, shape, -1, [0, 0, -_FLOOR_THICKNESS / 2], physicsClientId=self.client
         )
+        # the camera paints the floor, which would cost the renderer most
+        hide(floor, self.client)
         pybullet.changeDynamics(
             floor, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=self.client
         )
