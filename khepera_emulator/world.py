@@ -18,6 +18,9 @@ Half of it changes a drive by 0.01 %, a turn by 0.1 degree in 860, and a slide a
 FLOOR_GROUP, SOLID_GROUP, BODY_GROUP = 1, 2, 4
 """Collision groups: wheels and casters touch the floor only, bodies the rest."""
 
+_RAY_GROUP = 1
+"""The group of PyBullet's rays, which cannot be changed; wheels do not look for solids."""
+
 _FLOOR_HALF = 11.0
 _FLOOR_THICKNESS = 0.1
 
@@ -131,6 +134,6 @@ class World:
             solids, -1, lateralFriction=0.3, restitution=0.0, physicsClientId=self.client
         )
         pybullet.setCollisionFilterGroupMask(
-            solids, -1, SOLID_GROUP, BODY_GROUP, physicsClientId=self.client
+            solids, -1, SOLID_GROUP, BODY_GROUP | _RAY_GROUP, physicsClientId=self.client
         )
         return solids

@@ -1,0 +1,77 @@
+"""Bytes to lines: every line end that clients of real robots send, in portions of any size."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.framing import REQUEST_LIMIT, ReplySplitter, RequestSplitter
+
+
+def portions(data: bytes, cuts: list[int]) -> list[bytes]:
+    places = sorted({0, len(data), *(cut % (len(data) + 1) for cut in cuts)})
+    return [data[a:b] for a, b in pairwise(places)]
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r", b"\r\n"])
+def test_every_line_end_makes_one_request(end):
+    assert RequestSplitter().feed(b"H" + end + b"N" + end) == [b"H", b"N"]
+
+
+def test_cr_lf_split_across_reads_ends_one_request():
+    splitter = RequestSplitter()
+    assert splitter.feed(b"D,5,5\r") == [b"D,5,5"]
+    assert splitter.feed(b"\nH\r") == [b"H"]
+    assert splitter.feed(b"\n") == []
+    assert splitter.feed(b"\n") == []
+
+
+@pytest.mark.parametrize("blank", [b"\r\n", b"\n\n\n", b"\r\r", b"\r\n\r\n", b"\n\r\n"])
+def test_empty_lines_are_no_requests(blank):
+    assert RequestSplitter().feed(blank) == []
+
+
+def test_a_blank_is_a_request():
+    assert RequestSplitter().feed(b" \n") == [b" "]
+
+
+def test_the_longest_line_passes_and_a_longer_one_overflows():
+    splitter = RequestSplitter()
+    longest = b"x" * REQUEST_LIMIT
+    assert splitter.feed(longest + b"\n") == [longest]
+    assert splitter.feed(longest + b"y\nH\n") == [RequestSplitter.OVERFLOW, b"H"]
+    assert splitter.feed(b"z" * 100_000) == []
+    assert splitter.feed(b"\rH\r") == [RequestSplitter.OVERFLOW, b"H"]
+
+
+def test_clear_forgets_half_a_line():
+    splitter = RequestSplitter()
+    splitter.feed(b"D,1")
+    splitter.clear()
+    assert splitter.feed(b"H\n") == [b"H"]
+
+
+@given(st.binary(max_size=300) | st.text("H,\r\n", max_size=60).map(str.encode), st.data())
+def test_portions_make_no_difference_to_requests(data, draws):
+    cuts = draws.draw(st.lists(st.integers(0, 400)))
+    whole, pieces = RequestSplitter(), RequestSplitter()
+    expected = whole.feed(data)
+    assert [line for part in portions(data, cuts) for line in pieces.feed(part)] == expected
+    assert all(0 < len(line) <= REQUEST_LIMIT and not {10, 13} & set(line) for line in expected)
+
+
+@given(st.lists(st.text("dhn,0123456789-", min_size=1).map(str.encode)), st.lists(st.integers(0)))
+def test_portions_make_no_difference_to_replies(lines, cuts):
+    data = b"".join(line + b"\r\n" for line in lines)
+    splitter = ReplySplitter()
+    assert [line for part in portions(data, cuts) for line in splitter.feed(part)] == lines
+    assert splitter.pending == b""
+
+
+def test_half_a_reply_is_pending_until_cleared():
+    splitter = ReplySplitter()
+    assert splitter.feed(b"\r\nd\r\nh,12") == [b"d"]
+    assert splitter.pending == b"h,12"
+    splitter.clear()
+    assert splitter.feed(b",3\r\n") == [b",3"]
