@@ -1,0 +1,85 @@
+"""The emulator's bench: put the robot somewhere, and learn where it really is.
+
+For set-up and scoring only. A physical robot has no bench, and nothing that drives needs one.
+"""
+
+from typing import Any, Protocol
+
+import zenoh
+from pydantic import ValidationError
+
+from macor_hil.errors import BenchError
+from protocol.side_channel import Reset, Truth, robot_key
+
+PATIENCE = 5.0
+"""Seconds that a reset may take."""
+
+
+class Bench(Protocol):
+    """Set-up and ground truth of an emulated robot."""
+
+    def reset(self, reset: Reset) -> Truth:
+        """Put the robot somewhere, powered on afresh.
+
+        Raises:
+            BenchError: the emulator refuses or does not answer.
+        """
+        ...
+
+    def truth(self) -> Truth:
+        """Where the robot really is.
+
+        Raises:
+            BenchError: the emulator does not answer.
+        """
+        ...
+
+
+class PortBench:
+    """Bench of the robot behind a `khepera://` port."""
+
+    def __init__(self, port: Any) -> None:
+        self._emulator = port.emulator
+
+    def reset(self, reset: Reset) -> Truth:
+        """Put the robot somewhere."""
+        from khepera_emulator.errors import EmulatorError
+
+        try:
+            truth: Truth = self._emulator.reset(reset)
+        except EmulatorError as error:
+            raise BenchError(str(error)) from None
+        return truth
+
+    def truth(self) -> Truth:
+        """Where the robot really is."""
+        truth: Truth = self._emulator.truth()
+        return truth
+
+
+class ZenohBench:
+    """Bench of an emulator daemon, over its side channel."""
+
+    def __init__(self, session: zenoh.Session, robot: str) -> None:
+        self._session = session
+        self._robot = robot
+
+    def reset(self, reset: Reset) -> Truth:
+        """Put the robot somewhere."""
+        return self._ask("reset", reset.model_dump_json(exclude_none=True))
+
+    def truth(self) -> Truth:
+        """Where the robot really is."""
+        return self._ask("truth", None)
+
+    def _ask(self, leaf: str, payload: str | None) -> Truth:
+        key = robot_key(self._robot, leaf)
+        for reply in self._session.get(key, payload=payload, timeout=PATIENCE):
+            if reply.ok is None:
+                reason = reply.err.payload.to_string() if reply.err else "no reason given"
+                raise BenchError(f"the emulator answers on {key}: {reason}")
+            try:
+                return Truth.model_validate_json(reply.ok.payload.to_bytes())
+            except ValidationError as error:
+                raise BenchError(f"what came from {key} is no ground truth: {error}") from None
+        raise BenchError(f"no emulator answers on the Zenoh key {key}; is it running?")

@@ -1,0 +1,1 @@
+"""Clusterers: which visual situation a frame shows."""

@@ -1,0 +1,161 @@
+"""Motor commands of the paper, driven with the robot's position controller.
+
+A command is an arc: both wheels get a target (C) and a speed profile (J) scaled so that they
+arrive together. While they turn, the infrared sensors are watched: a body about to touch
+something is stopped, and that is what the controller calls a collision. A target that is not
+reached in time is one, too. Nothing here knows whether the robot is a real one.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from math import radians, sqrt
+
+from macor_hil.robot import Khepera
+from protocol.units import ACCELERATION_UNIT, PULSE, WHEEL_BASE
+
+
+@dataclass(frozen=True, slots=True)
+class MotorCommand:
+    """An arc of a length in metres that turns by an angle in radians, left positive."""
+
+    name: str
+    turn: float
+    way: float = 0.021
+
+
+LEFT = MotorCommand("left", radians(12))
+RIGHT = MotorCommand("right", radians(-12))
+STRAIGHT = MotorCommand("straight", 0.0)
+COMMANDS = (LEFT, RIGHT, STRAIGHT)
+"""The three commands of the paper's section 3.1: s = 2.1 cm each, turning 12, -12 or 0 degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSettings:
+    """How commands are driven.
+
+    Attributes:
+        pulse: metres a count.
+        wheel_base: metres between the wheels.
+        speed, acceleration: profile of the faster wheel, in the units of J.
+        collision: proximity reading of one of the six front and side sensors from which on the
+            robot counts as touching. A saturated sensor sees a white wall within 15 to 20 mm.
+        patience: seconds that a command may take beyond its profile's time.
+    """
+
+    pulse: float = PULSE
+    wheel_base: float = WHEEL_BASE
+    speed: int = 20
+    acceleration: int = 64
+    collision: int = 1000
+    patience: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a command came to.
+
+    Attributes:
+        collided: whether it was cut short.
+        proximity: the last infrared reading.
+        counters: encoder counters after it.
+    """
+
+    collided: bool
+    proximity: tuple[int, ...]
+    counters: tuple[int, int]
+
+
+FRONT_SENSORS = slice(0, 6)
+"""Infrared sensors that face where the robot can drive to: all but the two at the back."""
+
+_TRAIL = 64
+
+
+class Driver:
+    """Executes motor commands on a robot, and drives back the way it came."""
+
+    def __init__(self, robot: Khepera, settings: DriveSettings = DriveSettings()) -> None:
+        self._robot = robot
+        self._settings = settings
+        self._target = (0, 0)
+        self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
+
+    def start(self) -> None:
+        """Begin here: stop, zero the counters, forget the way."""
+        self._robot.stop()
+        self._robot.set_counters(0, 0)
+        self._target = (0, 0)
+        self._trail.clear()
+
+    def execute(self, command: MotorCommand) -> Outcome:
+        """Drive one command to its end, or to a collision.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        self._trail.append(self._target)
+        settings = self._settings
+        half = command.turn * settings.wheel_base / 2
+        ways = (command.way - half) / settings.pulse, (command.way + half) / settings.pulse
+        self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
+        proximity, collided = self._go(self._target, ways, watch=True)
+        if collided:
+            self._robot.stop()
+        counters = self._robot.counters()
+        if collided:
+            self._target = counters
+        return Outcome(collided, proximity, counters)
+
+    def back_off(self, commands: int) -> None:
+        """Drive back along the trail by up to a number of commands.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        for _ in range(min(commands, len(self._trail))):
+            target = self._trail.pop()
+            ways = float(target[0] - self._target[0]), float(target[1] - self._target[1])
+            self._target = target
+            self._go(target, ways, watch=False)
+        self._robot.stop()
+        self._target = self._robot.counters()
+
+    def _go(
+        self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
+    ) -> tuple[tuple[int, ...], bool]:
+        settings, robot = self._settings, self._robot
+        longest = max(abs(ways[0]), abs(ways[1]), 1.0)
+        profiles = [
+            (
+                max(1, round(settings.speed * abs(way) / longest)),
+                max(1, round(settings.acceleration * abs(way) / longest)),
+            )
+            for way in ways
+        ]
+        robot.set_profile(profiles[0], profiles[1])
+        robot.go_to(*target)
+        start = robot.clock()
+        duration = self._duration(longest)
+        while True:
+            proximity = robot.proximity()
+            if watch and max(proximity[FRONT_SENSORS]) >= settings.collision:
+                return proximity, True
+            elapsed = robot.clock() - start
+            if elapsed < duration:
+                continue
+            left, right = robot.status()
+            if left.reached and right.reached:
+                return proximity, False
+            if elapsed > duration + settings.patience:
+                return proximity, True
+
+    def _duration(self, counts: float) -> float:
+        """Seconds that the profile needs for a number of counts."""
+        settings = self._settings
+        way = counts * settings.pulse
+        acceleration = settings.acceleration * ACCELERATION_UNIT
+        top = settings.speed * settings.pulse / 0.010
+        if way < top**2 / acceleration:
+            return 2 * sqrt(way / acceleration)
+        return way / top + top / acceleration

@@ -1,0 +1,128 @@
+"""Map files: a brain on disk, atomically written, with a version inside.
+
+A NumPy archive: `meta` is a JSON text (format, version, settings, how it was trained), the other
+entries are arrays. The same brain gives the same bytes.
+"""
+
+import io
+import json
+import os
+import tempfile
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from macor_hil.brain import Brain, Settings
+from macor_hil.errors import MapError
+
+FORMAT: Final = "macor map"
+VERSION: Final = 1
+
+_SETTINGS = TypeAdapter(Settings)
+
+
+def save_map(path: Path, brain: Brain, training: dict[str, Any]) -> None:
+    """Write a map; whoever reads the path sees the old map or the new one, whole.
+
+    Args:
+        path: where to.
+        brain: what has been learned.
+        training: JSON-able facts about the training, kept for readers (and to resume).
+
+    Raises:
+        MapError: the file cannot be written.
+    """
+    meta = {
+        "format": FORMAT,
+        "version": VERSION,
+        "settings": asdict(brain.settings),
+        "fields": {"low": brain.fields.low, "high": brain.fields.high},
+        "training": training,
+    }
+    present, past = np.nonzero(brain.map.z)
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        meta=np.array(json.dumps(meta, sort_keys=True)),
+        weights=brain.art.weights,
+        present=present.astype(np.int32),
+        past=past.astype(np.int32),
+        z=brain.map.z[present, past],
+        w_r=brain.map.w_r[present, past],
+    )
+    write_atomically(path, buffer.getvalue())
+
+
+def load_map(path: Path) -> tuple[Brain, dict[str, Any]]:
+    """Read a map.
+
+    Returns:
+        The brain, and the facts about its training.
+
+    Raises:
+        MapError: no such file, no map, or a map of another version.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            meta = json.loads(str(archive["meta"]))
+            arrays = {name: archive[name] for name in archive.files if name != "meta"}
+    except FileNotFoundError:
+        raise MapError(
+            f"there is no map {path}; train one with: macor-hil train --map {path}"
+        ) from None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise MapError(f"{path} is not a map file: {error}") from None
+    if not isinstance(meta, dict) or meta.get("format") != FORMAT:
+        raise MapError(f"{path} is not a map file: it does not say that it is one")
+    if meta.get("version") != VERSION:
+        raise MapError(
+            f"{path} is a map of version {meta.get('version')}, this program reads version"
+            f" {VERSION}; train a new one with: macor-hil train --map {path}"
+        )
+    try:
+        return _restore(meta, arrays), meta["training"]
+    except (KeyError, TypeError, ValueError, IndexError, ValidationError) as error:
+        raise MapError(f"the map {path} is damaged: {error}") from None
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Replace a file by new contents, durably and in one step.
+
+    Raises:
+        MapError: the folder cannot be written to.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise MapError(f"cannot write {path}: {error.strerror}") from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except OSError as error:
+        Path(name).unlink(missing_ok=True)
+        raise MapError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _restore(meta: dict[str, Any], arrays: dict[str, Any]) -> Brain:
+    brain = Brain(_SETTINGS.validate_python(meta["settings"]))
+    fields = meta["fields"]
+    brain.fields = type(brain.fields)(
+        brain.settings.sectors, tuple(fields["low"]), tuple(fields["high"])
+    )
+    weights = arrays["weights"]
+    if weights.shape[1] != 2 * brain.fields.size or len(weights) > brain.settings.nodes:
+        raise ValueError(f"weights of shape {weights.shape} do not fit the settings")
+    brain.art.load(weights)
+    place = arrays["present"], arrays["past"]
+    brain.map.z[place] = arrays["z"]
+    brain.map.w_r[place] = arrays["w_r"]
+    return brain

@@ -1,0 +1,1 @@
+"""Planners: from the present neuron and the map to the next command."""

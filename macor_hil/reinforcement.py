@@ -1,0 +1,25 @@
+"""Reinforcement: what a driven command earns.
+
+The paper rewards "a collision free, straight navigation behavior": less for a turn than for
+straight on, 0.0 for a collision. Table 1's 0.55 to 0.61 a step bounds the two values that it does
+not print.
+"""
+
+from dataclasses import dataclass
+
+from macor_hil.drive import MotorCommand
+
+
+@dataclass(frozen=True, slots=True)
+class Reinforcement:
+    """Earned by straight on, by a turn, and by a collision."""
+
+    straight: float = 0.7
+    turn: float = 0.5
+    collision: float = 0.0
+
+    def __call__(self, command: MotorCommand, collided: bool) -> float:
+        """What a command earned."""
+        if collided:
+            return self.collision
+        return self.straight if command.turn == 0.0 else self.turn

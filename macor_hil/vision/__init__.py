@@ -1,0 +1,1 @@
+"""From a mirror image to the visual features x of a situation."""
