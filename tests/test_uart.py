@@ -1,0 +1,158 @@
+"""The line in time, by hand-made arithmetic: 11 bits a byte, and nothing without bound."""
+
+import pytest
+
+from khepera_emulator.uart import (
+    GRID,
+    INTERPRETER_TIME,
+    RECEIVE_LIMIT,
+    SEND_LIMIT,
+    Uart,
+    on_grid,
+)
+
+BYTE = 11 / 9600
+
+
+def ask(uart: Uart, line: bytes, reply: bytes, now: float = 0.0) -> float:
+    """Send a line, answer it; the time at which it was executed."""
+    uart.receive(line, now)
+    [(executed, _)] = list(uart.requests(now + 10))
+    uart.send(reply, executed)
+    return executed
+
+
+def test_a_request_is_executed_when_its_last_byte_has_arrived():
+    uart = Uart(9600)
+    uart.receive(b"H\n", 1.0)
+    assert list(uart.requests(1.0 + 2 * BYTE - 1e-6)) == []
+    assert list(uart.requests(1.0 + 2 * BYTE + 1e-6)) == [
+        (pytest.approx(1.0 + 2 * BYTE, abs=2 * GRID), b"H")
+    ]
+
+
+@pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600, 115200])
+def test_every_byte_of_a_reply_takes_its_wire_time(baud):
+    uart = Uart(baud)
+    executed = ask(uart, b"H\n", b"h,0,0\r\n")
+    byte = 11 / baud
+    assert executed == pytest.approx(2 * byte, abs=2 * GRID)
+    for count in range(1, 8):
+        due = executed + INTERPRETER_TIME + count * byte
+        assert uart.due(count) == pytest.approx(due, abs=count * GRID)
+        assert uart.arrived(due - 1e-6) == count - 1
+        assert uart.arrived(due + 1e-6) == count
+    assert uart.sent(executed + INTERPRETER_TIME + 3.5 * byte) == b"h,0"
+    assert uart.sent(1.0, 2) == b",0"
+    assert uart.sent(1.0) == b"\r\n"
+    assert uart.sent(1.0) == b""
+
+
+def test_a_worst_proximity_reply_takes_49_ms_at_9600():
+    uart = Uart(9600)
+    reply = b"n," + b",".join([b"1023"] * 8) + b"\r\n"
+    executed = ask(uart, b"N\n", reply)
+    assert uart.due(len(reply)) - executed - INTERPRETER_TIME == pytest.approx(0.0493, abs=1e-4)
+
+
+def test_without_a_rate_the_line_takes_no_time():
+    uart = Uart(None)
+    assert ask(uart, b"H\n", b"h,0,0\r\n", 3.0) == 3.0
+    assert uart.sent(3.0) == b"h,0,0\r\n"
+
+
+def test_requests_back_to_back_are_answered_in_order():
+    uart = Uart(115200)
+    uart.receive(b"A\nB\nC\n", 0.0)
+    executed = list(uart.requests(1.0))
+    assert [line for _, line in executed] == [b"A", b"B", b"C"]
+    times = [when for when, _ in executed]
+    # the second line arrives within the interpreter's time for the first
+    assert times[1] - times[0] == INTERPRETER_TIME
+    assert times[2] - times[1] == INTERPRETER_TIME
+
+
+def test_nothing_is_executed_before_its_time():
+    uart = Uart(115200)
+    uart.receive(b"A\nB\n", 0.0)
+    first = 2 * 11 / 115200
+    assert [line for _, line in uart.requests(first + 0.001)] == [b"A"]
+    assert uart.next_event() == pytest.approx(first + INTERPRETER_TIME, abs=4 * GRID)
+    assert uart.next_request() == uart.next_event()
+    assert [line for _, line in uart.requests(first + 0.002)] == [b"B"]
+    assert uart.next_event() is None
+    assert uart.next_request() is None
+
+
+def test_a_reply_waits_for_the_one_before():
+    uart = Uart(9600)
+    uart.send(b"12345", 0.0)
+    uart.send(b"678", 0.001)
+    assert uart.due(8) == pytest.approx(INTERPRETER_TIME + 8 * BYTE, abs=8 * GRID)
+
+
+def test_a_flood_of_requests_overflows_the_receive_buffer_and_is_counted():
+    uart = Uart(115200)
+    requests = 2000
+    uart.receive(b"H\n" * requests, 0.0)
+    executed = list(uart.requests(10.0))
+    wire = 2 * requests * 11 / 115200
+    # while the line talks, the interpreter takes a request every 1.5 ms; then it empties its buffer
+    served = wire / INTERPRETER_TIME + RECEIVE_LIMIT / 2
+    assert len(executed) == pytest.approx(served, rel=0.1)
+    assert uart.lost > 1000
+
+
+def test_replies_that_do_not_fit_are_dropped_whole_and_counted():
+    uart = Uart(9600)
+    for _ in range(SEND_LIMIT // 10 + 5):
+        uart.send(b"12345678\r\n", 0.0)
+    assert uart.queued() == SEND_LIMIT // 10 * 10
+    assert uart.lost == 50
+    assert uart.sent(1e6).count(b"\r\n") == SEND_LIMIT // 10
+
+
+def test_the_next_event_is_the_earlier_of_both_directions():
+    uart = Uart(9600)
+    assert uart.next_event() is None
+    uart.receive(b"H", 0.0)
+    assert uart.next_event() == pytest.approx(BYTE, abs=GRID)
+    assert uart.next_request() is None
+    uart.send(b"x", -1.0)
+    assert uart.next_event() == uart.due(1)
+    uart.receive(b"\n", 0.0)
+    assert uart.next_request() == uart.received_by()
+
+
+def test_finding_text_that_is_still_on_its_way():
+    uart = Uart(9600)
+    uart.send(b"h,1,2\r\n", 0.0)
+    assert uart.find(b"\n") == 6
+    assert uart.find(b"x") == -1
+
+
+def test_clear_leaves_a_line_as_new():
+    uart = Uart(9600)
+    uart.receive(b"H\n" * 500, 5.0)
+    list(uart.requests(5.5))
+    uart.send(b"x" * 5000, 5.5)
+    uart.clear()
+    assert uart.lost == 0
+    assert uart.next_event() is None
+    assert uart.received_by() == 0.0
+    assert ask(uart, b"H\n", b"h\r\n") == pytest.approx(2 * BYTE, abs=2 * GRID)
+
+
+def test_times_on_the_grid_add_up_exactly_wherever_they_begin():
+    uart, later = Uart(9600), Uart(9600)
+    offset = on_grid(123_456.789)
+    uart.receive(b"D,5,5\n" * 20, 0.0)
+    later.receive(b"D,5,5\n" * 20, offset)
+    first = [when for when, _ in uart.requests(10)]
+    second = [when - offset for when, _ in later.requests(offset + 10)]
+    assert first == second
+
+
+def test_the_grid_is_a_nanosecond():
+    assert on_grid(0.1) == pytest.approx(0.1, abs=1e-9)
+    assert on_grid(on_grid(0.1)) == on_grid(0.1)
