@@ -1,0 +1,45 @@
+# Everything happens in a virtual environment of the project's own; both main goals set it up.
+#   make run    an emulated robot learns and drives the curve
+#   make test   style, types and tests
+
+PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/ready
+
+.PHONY: run test lint lock clean
+.DELETE_ON_ERROR:
+
+run: $(READY)
+	$(BIN)/macor-hil demo
+
+test: lint
+	$(BIN)/python -m pytest -n 2
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+# NumPy and setuptools come first: where there is no wheel of PyBullet (CPython above 3.11), pip
+# builds it, and only with NumPy at hand it hands out pictures as arrays.
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "CPython 3.11 or newer is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
+		echo "CPython 3.11 is the reference; for this newer one PyBullet is built, which takes minutes."
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	sed -n '/^\(numpy\|setuptools\)==/,/[^\\]$$/p' requirements.lock > $(VENV)/first.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(VENV)/first.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
+	touch $@
+
+# Pin the newest versions that pyproject.toml admits (needs uv, which is not installed otherwise).
+lock: $(READY)
+	$(BIN)/python -m pip install --quiet uv
+	$(BIN)/uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 \
+		--generate-hashes --no-header --no-annotate --upgrade --quiet -o requirements.lock
+
+clean:
+	rm -rf $(VENV) runs build *.egg-info

@@ -1,0 +1,68 @@
+"""A robot, its camera and, where it is emulated, its bench: opened and closed together."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+import zenoh
+
+from macor_hil.bench import Bench, PortBench, ZenohBench
+from macor_hil.cameras import Camera, open_camera
+from macor_hil.robot import Khepera, open_port
+
+
+@dataclass(frozen=True, slots=True)
+class Hardware:
+    """What a controller drives and sees with.
+
+    Attributes:
+        robot: client of the serial line.
+        camera: source of mirror images.
+        bench: set-up and ground truth of an emulated robot; None for a physical one.
+    """
+
+    robot: Khepera
+    camera: Camera
+    bench: Bench | None
+
+
+def is_embedded(port: str) -> bool:
+    """Whether a port string means a robot inside this process."""
+    return port.startswith("khepera://")
+
+
+@contextmanager
+def open_hardware(
+    port: str,
+    camera: str = "auto",
+    *,
+    baud: int = 9600,
+    session: zenoh.Session | None = None,
+    name: str = "khepera",
+) -> Iterator[Hardware]:
+    """Open port and camera; on the way out the robot is stopped and both are closed.
+
+    Args:
+        port: a device, or a pySerial URL such as `khepera://corridor?seed=1`.
+        camera: see `macor_hil.cameras`; `auto` is the port's own camera for `khepera://` ports
+            and the emulator's Zenoh key for others.
+        baud: rate in bits a second.
+        session: Zenoh session for the camera and the bench, where they are reached over it.
+        name: the robot's name in Zenoh keys.
+
+    Raises:
+        RobotError, CameraError: something is not there or does not answer.
+    """
+    if camera == "auto":
+        camera = "port" if is_embedded(port) else "zenoh"
+    with ExitStack() as stack:
+        robot = stack.enter_context(Khepera(open_port(port, baud)))
+        robot.connect()
+        eyes = open_camera(camera, port=robot.port, session=session, robot=name)
+        stack.callback(eyes.close)
+        bench: Bench | None = None
+        if is_embedded(port):
+            bench = PortBench(robot.port)
+        elif session is not None and camera.startswith("zenoh"):
+            bench = ZenohBench(session, name)
+        yield Hardware(robot, eyes, bench)
