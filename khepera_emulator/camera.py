@@ -92,9 +92,9 @@ class OmniCamera:
         horizon = self._top / (self._top - self._bottom) * self._rows
         atlas = np.empty((self._rows, _FACES * self._size, 3), np.uint8)
         above = np.arange(self._rows) + 0.5 < horizon
-        # PyBullet cuts fractions off
+        # as PyBullet does: a colour is a byte, and so is what light makes of it
         atlas[above] = [round(255 * share) for share in reversed(arena.sky)]
-        atlas[~above] = [int(255 * share * shade) for share in reversed(arena.floor)]
+        atlas[~above] = [int(int(255 * share) * shade) for share in reversed(arena.floor)]
         return atlas
 
     def _render(self, pose: Pose) -> Image:

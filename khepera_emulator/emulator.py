@@ -98,6 +98,15 @@ class Emulator:
         """The client takes the bytes that have reached it by now."""
         return self.uart.sent(self.now, limit)
 
+    def hang_up(self) -> None:
+        """The client leaves the line; the robot does not notice and goes on."""
+        self.uart.hang_up()
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot's wheels turn or are driven."""
+        return self._robot.moving
+
     def advance(self, until: float) -> None:
         """Let time pass: drive, carry out the requests that arrive, answer them."""
         until = max(on_grid(until), self.now)
@@ -158,9 +167,7 @@ class Emulator:
         return self._camera
 
     def _drive(self, until: float) -> None:
-        due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
-        while self._robot.ticks < due:
-            self._robot.tick()
+        self._robot.run(int((until - self._power_time) / CONTROL_PERIOD + 1e-6))
 
     def _gap(self, pose: Pose) -> float:
         return self._plan.clearance(pose.x, pose.y) - self.setup.model.radius

@@ -79,16 +79,26 @@ class Robot:
         """Seconds of simulated time since the robot was made."""
         return self.ticks * CONTROL_PERIOD
 
+    @property
+    def moving(self) -> bool:
+        """Whether a wheel turns or is driven."""
+        left, right = self.wheels
+        return not (left.at_rest() and right.at_rest())
+
+    def run(self, ticks: int) -> None:
+        """Let control periods pass up to the given number since the robot was made."""
+        while self.ticks < ticks:
+            if not self.moving:
+                self._rest(ticks)
+                return
+            self.ticks += 1
+            self._drive(*self.wheels)
+            if self.ticks % _SCAN_TICKS == 0:
+                self._start_scan()
+
     def tick(self) -> None:
         """Let one control period pass."""
-        left, right = self.wheels
-        self.ticks += 1
-        if left.at_rest() and right.at_rest():
-            self.chassis.ground_speed = (0.0, 0.0)
-        else:
-            self._drive(left, right)
-        if self.ticks % _SCAN_TICKS == 0:
-            self._start_scan()
+        self.run(self.ticks + 1)
 
     def proximity(self) -> tuple[int, ...]:
         """The latest proximity scan: eight counts."""
@@ -113,6 +123,13 @@ class Robot:
             touched=self.touched,
             drift=self.drift,
         )
+
+    def _rest(self, ticks: int) -> None:
+        # nothing moves, whatever the time: only the latest of the scans counts
+        self.chassis.ground_speed = (0.0, 0.0)
+        if ticks // _SCAN_TICKS > self.ticks // _SCAN_TICKS:
+            self._start_scan()
+        self.ticks = ticks
 
     def _start_scan(self) -> None:
         chassis = self.chassis

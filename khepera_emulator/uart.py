@@ -46,6 +46,8 @@ class Uart:
     def __init__(self, baud: int | None) -> None:
         self.lost = 0
         self._receiver_free = self._interpreter_free = self._sender_free = 0.0
+        self._left_at = -1.0
+        self._unheard = False
         self.baud = baud
         self._splitter = RequestSplitter()
         self._receiving: deque[tuple[float, int]] = deque()
@@ -85,7 +87,9 @@ class Uart:
         yield from self._interpret(until)
 
     def send(self, data: bytes, executed: float) -> None:
-        """A reply to a request that was executed at a time: queue it behind earlier ones."""
+        """A reply to the latest request, executed at a time: queue it behind earlier ones."""
+        if self._unheard:
+            return
         if len(self._sending) + len(data) > SEND_LIMIT:
             self.lost += len(data)
             return
@@ -147,6 +151,15 @@ class Uart:
         """When the last byte that the client has written arrives at the robot."""
         return self._receiver_free
 
+    def arriving(self) -> int:
+        """How many bytes of the client are still on their way to the robot."""
+        return len(self._receiving)
+
+    def hang_up(self) -> None:
+        """The client leaves: its requests are carried out, but nobody hears the replies."""
+        self.clear_replies()
+        self._left_at = self._receiver_free
+
     def clear_replies(self) -> None:
         """Drop what has not reached the client."""
         self._sending.clear()
@@ -160,6 +173,7 @@ class Uart:
         self.clear_replies()
         self.lost = 0
         self._receiver_free = self._interpreter_free = self._sender_free = 0.0
+        self._left_at = -1.0
 
     def _interpret(self, until: float) -> Iterator[tuple[float, bytes]]:
         # a busy interpreter leaves the bytes in the receive buffer
@@ -169,4 +183,5 @@ class Uart:
             if line is not None:
                 start = max(arrival, self._interpreter_free)
                 self._interpreter_free = start + self._busy
+                self._unheard = arrival <= self._left_at
                 yield start, line

@@ -1,0 +1,163 @@
+"""The camera: left is left, turning the robot turns the picture, and noise is seeded."""
+
+from math import pi
+
+import numpy as np
+import pybullet
+import pytest
+
+from khepera_emulator.arena import Arena
+from khepera_emulator.camera import OmniCamera
+from khepera_emulator.world import World
+from protocol.mirror import Mirror
+from protocol.side_channel import Pose
+
+RED, GREEN, BLUE, YELLOW = (2,), (1,), (0,), (1, 2)
+MIRROR = Mirror()
+
+
+@pytest.fixture(scope="module")
+def world():
+    sides = {
+        "red": ([[0.3, -0.3], [0.3, 0.3]], [1, 0, 0]),
+        "green": ([[-0.3, 0.3], [0.3, 0.3]], [0, 1, 0]),
+        "blue": ([[-0.3, -0.3], [-0.3, 0.3]], [0, 0, 1]),
+        "yellow": ([[-0.3, -0.3], [0.3, -0.3]], [1, 1, 0]),
+    }
+    made = World(
+        Arena.model_validate(
+            {
+                "version": 1,
+                "title": "four colours",
+                "floor": [0.4, 0.2, 0.1],
+                "sky": [0.5, 0.7, 0.9],
+                "start": {"x": 0, "y": 0},
+                "free": {"points": [[0, 0], [0.1, 0]], "half_width": 0.1},
+                "wall": [
+                    {"points": points, "colour": colour, "thickness": 0.02}
+                    for points, colour in sides.values()
+                ],
+            }
+        )
+    )
+    yield made
+    made.close()
+
+
+def camera(world: World, seed: int = 0, noise: float = 0.0) -> OmniCamera:
+    return OmniCamera(world, np.random.default_rng(seed), noise=noise)
+
+
+def pose(heading: float = 0.0, x: float = 0.0, y: float = 0.0) -> Pose:
+    return Pose(x=x, y=y, heading=heading)
+
+
+def has_colour(pixel: np.ndarray, channels: tuple[int, ...]) -> bool:
+    others = [channel for channel in range(3) if channel not in channels]
+    return min(pixel[list(channels)]) > 100 and max(pixel[others]) < 20
+
+
+# 0.05 m above the floor, 0.29 m away: a little below the horizon
+def wall_row(panorama: np.ndarray) -> int:
+    share = (np.degrees(MIRROR.high) + 6) / np.degrees(MIRROR.high - MIRROR.low)
+    return int(share * len(panorama))
+
+
+def test_shapes(world):
+    image = camera(world).mirror_image(pose())
+    assert (image.shape, image.dtype) == ((160, 160, 3), np.uint8)
+    panorama = camera(world).panorama(pose())
+    assert (panorama.shape, panorama.dtype) == ((48, 240, 3), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("share", "colour"), [(0.5, RED), (0.25, GREEN), (0.0, BLUE), (0.75, YELLOW)]
+)
+def test_the_panorama_shows_each_wall_on_its_side(world, share, colour):
+    panorama = camera(world).panorama(pose())
+    assert has_colour(panorama[wall_row(panorama), int(share * 240)], colour)
+
+
+@pytest.mark.parametrize(
+    ("step", "colour"), [((0, -1), RED), ((-1, 0), GREEN), ((0, 1), BLUE), ((1, 0), YELLOW)]
+)
+def test_the_mirror_shows_front_up_and_left_left(world, step, colour):
+    image = camera(world).mirror_image(pose())
+    radius = MIRROR.inner + 44 / 70 * (MIRROR.outer - MIRROR.inner)
+    x, y = (round(79.5 + radius * part) for part in step)
+    assert has_colour(image[y, x], colour)
+
+
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_turning_the_robot_turns_the_panorama(world, quarters):
+    straight = camera(world).panorama(pose()).astype(int)
+    turned = camera(world).panorama(pose(quarters * pi / 2)).astype(int)
+    # a turn to the left moves the world to the right
+    moved = np.roll(straight, quarters * 60, axis=1)
+    assert np.mean(np.abs(turned - moved).max(axis=2) > 8) < 0.02
+
+
+def test_the_mirror_image_holds_the_panorama(world):
+    at = pose(0.7, 0.1, -0.05)
+    image, panorama = camera(world).mirror_image(at), camera(world).panorama(at)
+    column, row = np.meshgrid(np.arange(240), np.arange(48))
+    azimuth = pi - (column + 0.5) * 2 * pi / 240
+    elevation = MIRROR.high - (row + 0.5) * (MIRROR.high - MIRROR.low) / 48
+    share = (elevation - MIRROR.low) / (MIRROR.high - MIRROR.low)
+    radius = MIRROR.inner + share * (MIRROR.outer - MIRROR.inner)
+    x = np.rint(MIRROR.centre_x - radius * np.sin(azimuth)).astype(int)
+    y = np.rint(MIRROR.centre_y - radius * np.cos(azimuth)).astype(int)
+    # a pixel's width of blending at the edges of walls
+    difference = np.abs(image[y, x].astype(int) - panorama).max(axis=2)
+    assert np.mean(difference > 8) < 0.15
+    assert np.median(difference) == 0
+
+
+def test_beside_the_mirror_it_is_black(world):
+    image = camera(world, noise=5.0).mirror_image(pose())
+    y, x = np.mgrid[0:160, 0:160]
+    radius = np.hypot(x - 79.5, y - 79.5)
+    assert not image[(radius < 15) | (radius > 79)].any()
+    assert image[(radius > 17) & (radius < 77)].any(axis=1).all()
+
+
+def test_the_sky_has_its_colour(world):
+    panorama = camera(world).panorama(pose())
+    assert panorama[0, 0].tolist() == [round(255 * share) for share in (0.9, 0.7, 0.5)]
+
+
+def test_the_floor_is_painted_as_pybullet_would_render_it(world):
+    client = world.client
+    plate = pybullet.createVisualShape(
+        pybullet.GEOM_BOX,
+        halfExtents=[0.2, 0.2, 0.0005],
+        rgbaColor=[*world.arena.floor, 1],
+        physicsClientId=client,
+    )
+    seen = camera(world).mirror_image(pose())
+    body = pybullet.createMultiBody(0, -1, plate, [0, 0, 0.0005], physicsClientId=client)
+    rendered = camera(world).mirror_image(pose())
+    pybullet.removeBody(body, physicsClientId=client)
+    np.testing.assert_array_equal(seen[79, 60], rendered[79, 60])
+    assert seen[79, 60].any()
+
+
+def test_nearer_walls_are_larger(world):
+    def height(x: float) -> int:
+        column = camera(world).panorama(pose(0.0, x))[:, 120]
+        return sum(has_colour(pixel, RED) for pixel in column)
+
+    assert height(0.2) > height(0.0) > height(-0.2) > 0
+
+
+def test_noise_is_seeded_and_as_large_as_told(world):
+    clean = camera(world).panorama(pose()).astype(int)
+    first = camera(world, 1, 2.0)
+    pictures = [first.panorama(pose()) for _ in range(3)]
+    same, other = camera(world, 1, 2.0), camera(world, 2, 2.0)
+    for picture in pictures:
+        np.testing.assert_array_equal(same.panorama(pose()), picture)
+    assert not np.array_equal(other.panorama(pose()), pictures[0])
+    assert not np.array_equal(pictures[0], pictures[1])
+    middle = (clean > 20) & (clean < 235)
+    assert np.std((pictures[0] - clean)[middle]) == pytest.approx(2.0, rel=0.1)

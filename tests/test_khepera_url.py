@@ -1,0 +1,353 @@
+"""khepera:// URLs: a robot behind pySerial's interface, the same for the same seed, always."""
+
+import hashlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import serial
+
+import khepera_emulator  # noqa: F401 - registers the URL scheme
+from khepera_emulator.errors import EmulatorError
+from protocol.side_channel import Pose, Reset
+
+BYTE = 11 / 9600
+
+
+def open_port(url: str = "khepera://corridor?seed=1", **options) -> serial.SerialBase:
+    return serial.serial_for_url(url, **{"timeout": 1.0, **options})
+
+
+@pytest.fixture
+def port():
+    with open_port() as opened:
+        yield opened
+
+
+def ask(port, line: bytes) -> bytes:
+    port.write(line + b"\n")
+    return port.readline()
+
+
+def session(port, reset: Reset | None = None) -> list[object]:
+    """What a program sees: bytes, times, pictures and poses, with times from the first reset."""
+    emulator = port.emulator
+    if reset is not None:
+        emulator.reset(reset)
+    begin = port.now
+    seen: list[object] = []
+    port.timeout = 0.0137
+    for step in range(40):
+        line = [b"D,%d,%d" % (step % 9 + 2, 8 - step % 5), b"N", b"H", b"O", b"K", b"E"][step % 6]
+        port.write(line + b"\n")
+        seen += [port.read(100), port.now - begin]
+        if step % 10 == 3:
+            seen.append(hashlib.sha256(emulator.mirror_image().tobytes()).hexdigest())
+        if step == 20:
+            seen.append(ask(port, b"C,300,-300"))
+        truth = emulator.truth()
+        seen += [truth.pose, truth.speed, truth.contact, truth.drift]
+    seen.append(emulator.reset(Reset(random=True)).pose)
+    return seen
+
+
+def test_one_exchange(port):
+    assert ask(port, b"B") == b"b,5.01,5.00\r\n"
+    # two bytes there, 13 back, and the interpreter in between
+    assert port.now == pytest.approx(15 * BYTE + 0.0015, abs=1e-7)
+
+
+def test_nothing_is_said_unasked(port):
+    assert port.read(10) == b""
+    assert port.now == pytest.approx(1.0)
+
+
+def test_the_rate_is_the_clients(port):
+    port.baudrate = 38400
+    ask(port, b"B")
+    assert port.now == pytest.approx(15 * 11 / 38400 + 0.0015, abs=1e-7)
+
+
+def test_a_fixed_rate_ignores_the_clients():
+    with open_port("khepera://corridor?baud=19200", baudrate=9600) as port:
+        ask(port, b"B")
+        assert port.now == pytest.approx(15 * 11 / 19200 + 0.0015, abs=1e-7)
+
+
+def test_an_unpaced_line_takes_no_time():
+    with open_port("khepera://corridor?baud=unpaced") as port:
+        for _ in range(100):
+            assert ask(port, b"B") == b"b,5.01,5.00\r\n"
+        assert port.now == 0.0
+
+
+READERS = {
+    "readline": lambda port: port.readline(),
+    "read_until": lambda port: port.read_until(b"\r\n"),
+    "byte by byte": lambda port: b"".join(iter(lambda: port.read(1), b"\n")) + b"\n",
+    "exactly": lambda port: port.read(13),
+}
+
+
+@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
+def test_every_way_of_reading_takes_the_same_time(port, read):
+    port.write(b"B\n")
+    assert read(port) == b"b,5.01,5.00\r\n"
+    assert port.now == pytest.approx(15 * BYTE + 0.0015, abs=1e-7)
+
+
+def test_polling_without_a_timeout_gets_there(port):
+    port.timeout = 0
+    port.write(b"B\n")
+    data = b""
+    while not data.endswith(b"\n"):
+        data += port.read(64)
+    assert data == b"b,5.01,5.00\r\n"
+    port.write(b"B\n")
+    while not port.in_waiting:
+        assert port.now < 1.0
+    assert port.read(port.in_waiting) == b"b"
+
+
+def test_two_requests_read_one_by_one(port):
+    port.write(b"B\r\nH\r\n")
+    assert port.readline() == b"b,5.01,5.00\r\n"
+    between = port.now
+    assert between < 30 * BYTE
+    assert port.readline() == b"h,0,0\r\n"
+    assert port.now == pytest.approx(between + 7 * BYTE, abs=1e-6)
+
+
+def test_a_timeout_cuts_a_reply(port):
+    port.write(b"B\n")
+    port.timeout = 4.5 * BYTE + 0.0015
+    assert port.readline() == b"b,"
+    port.timeout = 1
+    assert port.readline() == b"5.01,5.00\r\n"
+
+
+def test_reading_at_most(port):
+    port.write(b"B\n")
+    assert port.readline(4) == b"b,5."
+    assert port.read_until(b",", 100) == b"01,"
+    assert port.read_until(b"x", 3) == b"5.0"
+    assert port.read(0) == b""
+    assert port.read(100) == b"0\r\n"
+
+
+def test_waiting_for_ever_for_nothing_is_refused(port):
+    port.timeout = None
+    port.write(b"B\n")
+    assert port.readline() == b"b,5.01,5.00\r\n"
+    with pytest.raises(serial.SerialException, match="nothing is on its way"):
+        port.read(1)
+    port.write(b"B")
+    with pytest.raises(serial.SerialException, match="nothing is on its way"):
+        port.readline()
+
+
+def test_flush_lets_the_request_arrive(port):
+    port.write(b"D,5,5\n")
+    port.flush()
+    assert port.now == pytest.approx(6 * BYTE, abs=1e-7)
+    port.reset_output_buffer()
+    port.timeout = 0.1
+    assert port.read(3) == b"d\r\n"
+
+
+def test_an_input_buffer_can_be_dropped(port):
+    port.write(b"B\n")
+    port.timeout = 4.5 * BYTE + 0.0015
+    assert port.read(1) == b"b"
+    port.timeout = 2 * BYTE
+    assert port.in_waiting == 0
+    port.emulator.advance(port.now + 3 * BYTE)
+    assert port.in_waiting == 3
+    port.reset_input_buffer()
+    assert port.in_waiting == 0
+    # what has not arrived yet stays on its way
+    assert port.readline() == b"01"
+    port.timeout = 1
+    assert port.readline() == b",5.00\r\n"
+
+
+def test_modem_lines_and_breaks_do_no_harm(port):
+    port.dtr = port.rts = False
+    port.break_condition = True
+    port.send_break()
+    assert (port.cts, port.dsr, port.ri, port.cd) == (False,) * 4
+    assert ask(port, b"B") == b"b,5.01,5.00\r\n"
+
+
+def test_a_closed_port_refuses(port):
+    port.close()
+    for use in (lambda: port.read(1), lambda: port.write(b"B\n"), lambda: port.now):
+        with pytest.raises(serial.SerialException):
+            use()
+    port.open()
+    assert ask(port, b"B") == b"b,5.01,5.00\r\n"
+    with pytest.raises(serial.SerialException, match="already open"):
+        port.open()
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("khepera://nowhere", "unknown arena 'nowhere'"),
+        ("khepera://", "unknown arena"),
+        ("khepera://corridor?colour=red", "unknown option 'colour'"),
+        ("khepera://corridor?model=robot", "unknown robot model 'robot'"),
+        ("khepera://corridor?drift=much", "cannot read the drift 'much'"),
+        ("khepera://corridor?seed=x", "seed='x' is not a whole number"),
+        ("khepera://corridor?seed=", "seed='' is not a whole number"),
+        ("khepera://corridor?seed=-1", "seed='-1' is not a whole number"),
+        ("khepera://corridor?baud=fast", "baud='fast' is not a whole number"),
+        ("khepera://corridor?baud=0", "baud=0 is no rate"),
+    ],
+)
+def test_a_wrong_url_is_told_in_one_sentence(url, words):
+    with pytest.raises(serial.SerialException) as caught:
+        open_port(url)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_start_inside_a_wall_is_refused(tmp_path):
+    path = tmp_path / "tight.toml"
+    path.write_text(
+        'version = 1\ntitle = "Tight"\nstart = { x = 0.0, y = 0.0 }\n'
+        "free = { points = [[0.0, 0.0], [0.1, 0.0]], half_width = 0.05 }\n"
+        "[[wall]]\npoints = [[0.02, -1.0], [0.02, 1.0]]\n"
+    )
+    with pytest.raises(serial.SerialException, match="no room for the robot"):
+        open_port(f"khepera://{path}")
+
+
+def test_khepera2_counts_in_fours():
+    with open_port("khepera://corridor?model=khepera2") as port:
+        assert ask(port, b"B") == b"b,5.02,5.01\r\n"
+        assert {int(word) % 4 for word in ask(port, b"N").split(b",")[1:]} == {0}
+
+
+IN_ANOTHER_PROCESS = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from test_khepera_url import open_port, session
+from hashlib import sha256
+with open_port("khepera://corridor?seed=" + sys.argv[2]) as port:
+    print(sha256(repr(session(port)).encode()).hexdigest())
+"""
+
+
+def test_the_same_seed_gives_the_same_bytes_and_pictures_in_every_process(request):
+    def digest(seed: int) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(request.path.parent), str(seed)]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+    first, same, other = digest(1), digest(1), digest(2)
+    digests = [process.communicate(timeout=60)[0].splitlines()[-1] for process in (first, same)]
+    assert len(digests[0]) == 64
+    assert digests[0] == digests[1]
+    assert other.communicate(timeout=60)[0].splitlines()[-1] != digests[0]
+
+
+def test_another_seed_gives_another_robot():
+    drifts, pictures = [], []
+    for seed in (1, 2):
+        with open_port(f"khepera://corridor?seed={seed}") as port:
+            drifts.append(port.emulator.truth().drift)
+            pictures.append(port.emulator.mirror_image())
+    assert drifts[0] != drifts[1]
+    assert not np.array_equal(*pictures)
+
+
+@pytest.mark.parametrize("past", [0.0, 0.0012345, 0.1, 1 / 3, 12345.6789])
+def test_a_seeded_reset_has_no_past(past):
+    with open_port("khepera://corridor?seed=7") as fresh:
+        expected = session(fresh, Reset(seed=7))
+    with open_port("khepera://corridor?seed=3") as used:
+        ask(used, b"D,7,5")
+        used.timeout = 0.05
+        used.read(1)
+        used.emulator.mirror_image()
+        ask(used, b"P,0,0")
+        used.timeout = past
+        used.read(1)
+        ask(used, b"D,9,9")
+        # half a request on the wire, half a reply under way
+        used.write(b"N\nH\nD,9,")
+        used.timeout = 0.003
+        used.read(1)
+        before = used.now
+        assert session(used, Reset(seed=7)) == expected
+        assert used.now > before
+        used.timeout = past
+        assert session(used, Reset(seed=7)) == expected
+
+
+def test_a_seeded_reset_equals_a_fresh_port():
+    with open_port("khepera://corridor?seed=7") as fresh:
+        expected = session(fresh)
+    with open_port("khepera://corridor?seed=3") as used:
+        session(used)
+        assert session(used, Reset(seed=7)) == expected
+
+
+def test_a_random_place_depends_on_the_seed_alone():
+    with open_port("khepera://corridor?seed=1") as port:
+        reset = port.emulator.reset
+        place = reset(Reset(seed=5, random=True)).pose
+        second = reset(Reset(random=True)).pose
+        assert second != place
+        assert reset(Reset(seed=6, random=True)).pose != place
+        assert reset(Reset(seed=5, random=True)).pose == place
+        assert reset(Reset(random=True)).pose == second
+
+
+def test_a_reset_puts_the_robot_down_at_rest(port):
+    assert ask(port, b"D,10,10") == b"d\r\n"
+    port.timeout = 1
+    port.read(1)
+    port.write(b"H\nH\n")
+    truth = port.emulator.reset(Reset(pose=Pose(x=0.2, y=0.01, heading=0.5)))
+    assert truth.pose == Pose(x=0.2, y=0.01, heading=0.5)
+    assert truth.speed == (0.0, 0.0)
+    assert not truth.touched
+    assert port.read(100) == b""
+    assert ask(port, b"H") == b"h,0,0\r\n"
+    assert port.emulator.truth().pose == truth.pose
+
+
+def test_sensors_see_the_new_place_at_once():
+    with open_port("khepera://corridor?baud=unpaced") as port:
+        assert max(map(int, ask(port, b"N").split(b",")[1:])) < 50
+        port.emulator.reset(Reset(pose=Pose(x=1.09, y=0.0, heading=0.0)))
+        assert max(map(int, ask(port, b"N").split(b",")[1:])) > 900
+
+
+@pytest.mark.parametrize("seed", [None, 9])
+def test_a_place_that_is_not_free_is_refused_and_changes_nothing(port, seed):
+    ask(port, b"D,10,10")
+    before = port.emulator.truth()
+    with pytest.raises(EmulatorError, match="no room for the robot"):
+        port.emulator.reset(Reset(pose=Pose(x=1.12, y=0.0, heading=0.0), seed=seed))
+    assert port.emulator.truth() == before
+    assert ask(port, b"K").startswith(b"k,0,1,")
+
+
+def test_time_does_not_run_back(port):
+    port.emulator.advance(2.0)
+    port.emulator.advance(1.0)
+    assert port.now == 2.0
+
+
+def test_how_time_is_cut_makes_no_difference():
+    def drive(steps: int) -> tuple[bytes, Pose]:
+        with open_port("khepera://corridor?seed=4") as port:
+            port.write(b"D,6,5\nN\nH\n")
+            for step in range(steps):
+                port.emulator.advance(port.now + (1.5 - port.now) / (steps - step))
+            return port.emulator.read(), port.emulator.truth().pose
+
+    assert drive(1) == drive(7) == drive(1501)
