@@ -45,11 +45,14 @@ class Infrared:
         bearings = np.array(model.sensor_bearings)
         self._feet = model.radius * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
         directions = np.array(model.sensor_directions)[:, None] + _RAY_ANGLES
-        self._rays = np.stack([np.cos(directions), np.sin(directions)], axis=2).reshape(-1, 2)
-        self._origins = np.repeat(self._feet, len(_RAY_ANGLES), axis=0)
+        rays = np.stack([np.cos(directions), np.sin(directions)], axis=2).reshape(-1, 2)
+        origins = np.repeat(self._feet, len(_RAY_ANGLES), axis=0)
+        self._fan = np.concatenate([origins, rays])
         self._penalty = np.tile(_PENALTY, 8)
         self._reach = model.proximity.gaps[-1]
-        self._curves, self._sensor = _tabulate(model.proximity), np.arange(8)
+        curves = _tabulate(model.proximity)
+        self._curve, self._rows = curves.ravel(), np.arange(8) * curves.shape[1]
+        self._last = curves.shape[1] - 2
         self._residual = np.array(model.proximity.residual, dtype=float)
 
     def proximity(self, x: float, y: float, heading: float) -> tuple[int, ...]:
@@ -68,9 +71,10 @@ class Infrared:
         Closer than the recorded saturation it goes on rising; beyond the record: the residual.
         """
         place = np.minimum(gaps, self._reach) / _TABLE_STEP
-        index = np.minimum(place.astype(int), self._curves.shape[1] - 2)
-        low, high = self._curves[self._sensor, index], self._curves[self._sensor, index + 1]
-        inside = low + (place - index) * (high - low)
+        index = np.minimum(place.astype(int), self._last)
+        at = self._rows + index
+        low = self._curve[at]
+        inside = low + (place - index) * (self._curve[at + 1] - low)
         return np.where(gaps > self._reach, self._residual, inside)
 
     def ambient(self, x: float, y: float, heading: float) -> tuple[int, ...]:
@@ -86,9 +90,10 @@ class Infrared:
         if self._plan.clearance(x, y) - self._model.radius > self._reach:
             return np.full(8, np.inf)
         c, s = cos(heading), sin(heading)
-        turn = np.array([[c, s], [-s, c]])
-        distances, grey = self._plan.cast(self._origins @ turn + (x, y), self._rays @ turn)
-        dim = _BLACK_LOSS * (1.0 - grey) * np.maximum(self._reach - distances, 0.0)
+        fan = self._fan @ np.array([[c, s], [-s, c]])
+        half = len(fan) // 2
+        distances, grey = self._plan.cast(fan[:half] + (x, y), fan[half:])
+        dim = (_BLACK_LOSS - _BLACK_LOSS * grey) * np.maximum(self._reach - distances, 0.0)
         effective = distances + dim + self._penalty
         nearest: Array = effective.reshape(8, -1).min(axis=1)
         return nearest

@@ -16,8 +16,8 @@ _CR, _LF = LINE_END
 class RequestSplitter:
     """Cuts what a client sends into requests.
 
-    An LF straight after a CR belongs to it, however late it comes. An empty line is no request.
-    A line longer than `limit` is dropped up to its end and handed on as `OVERFLOW`, which no
+    An empty line is no request, so that the LF of a CR LF does nothing, however late it comes. A
+    line longer than `limit` is dropped up to its end and handed on as `OVERFLOW`, which no
     command matches.
     """
 
@@ -26,13 +26,9 @@ class RequestSplitter:
     def __init__(self, limit: int = REQUEST_LIMIT) -> None:
         self._limit = limit
         self._line = bytearray()
-        self._after_cr = False
 
     def push(self, byte: int) -> bytes | None:
         """Take in one byte; return the request that it completes, without its line end."""
-        follows_cr, self._after_cr = self._after_cr, byte == _CR
-        if byte == _LF and follows_cr:
-            return None
         if byte in (_CR, _LF):
             line = bytes(self._line)
             self._line.clear()
@@ -48,7 +44,6 @@ class RequestSplitter:
     def clear(self) -> None:
         """Forget a half-received line."""
         self._line.clear()
-        self._after_cr = False
 
 
 class ReplySplitter:

@@ -111,6 +111,18 @@ def test_a_robot_backs_off_from_a_wall(world):
     assert degrees(driven.heading) == pytest.approx(0.0, abs=1.5)
 
 
+@AHEAD
+def test_contact_ends_with_the_first_millimetre(world):
+    driven = chassis(world, x=0.07)
+    for _ in range(50):
+        driven.roll(STRAIGHT, NO_SLIP)
+    assert driven.contact
+    for _ in range(10):
+        driven.roll((-0.0001, -0.0001), NO_SLIP)
+    assert 0.0005 < 0.100 - KHEPERA.radius - driven.x < 0.0015
+    assert not driven.contact
+
+
 @BESIDE
 def test_a_robot_that_meets_a_wall_aslant_slides_along_it(world):
     driven = chassis(world, heading=radians(20))

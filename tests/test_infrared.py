@@ -63,7 +63,7 @@ def before_wall(model: Model, gap: float, off: float = 0.0, noise: bool = False)
 @pytest.mark.parametrize(("gap", "counts"), NOLFI.items())
 def test_khepera_before_a_wall_reads_as_recorded(gap, counts):
     # the curve is steep: 2 mm of gap are 180 counts in its middle
-    assert np.mean(before_wall(KHEPERA, gap / 1000)) == pytest.approx(counts, abs=40)
+    assert np.mean(before_wall(KHEPERA, gap / 1000)) == pytest.approx(counts, abs=20)
 
 
 @pytest.mark.parametrize(("gap", "counts"), KHEPERA2_MEAN.items())
@@ -83,7 +83,7 @@ def test_each_sensor_has_its_own_curve(model, gap):
 def test_reading_falls_off_with_the_angle_as_recorded(place, counts):
     gap, off = place
     both = [*before_wall(KHEPERA, gap / 1000, off), *before_wall(KHEPERA, gap / 1000, -off)]
-    assert np.mean(both) == pytest.approx(counts, abs=110)
+    assert np.mean(both) == pytest.approx(counts, abs=55)
 
 
 def test_reading_never_rises_with_the_angle():

@@ -119,7 +119,8 @@ def test_counters_set_during_a_move_shift_its_end():
     run(turning, 80)
     before = turning.counter
     turning.counter = 0
-    run_until_reached(turning)
+    # the profile goes on from where the wheel is: no jerk to where it would have been
+    assert max(run_until_reached(turning)) < 22
     assert abs(turning.counter - 1000) <= 1
     assert turning.travel == pytest.approx(before + 1000, abs=3)
 
