@@ -1,6 +1,6 @@
 """Keys and payloads that travel over Zenoh beside the serial line.
 
-The emulator offers `khepera/<robot>/{camera,truth,reset,alive}`, the controller
+The emulator offers `khepera/<robot>/{camera,truth,reset,arena,alive}`, the controller
 `macor/<robot>/{frame,decision,state,alive}`. A sample carries its sequence number and the time
 it was taken at as an attachment, so that any payload (a JPEG, a JSON text) can be placed.
 """
@@ -61,6 +61,23 @@ class Reset(Payload):
     pose: Pose | None = Field(default=None, description="where to; absent: see random")
     random: bool = Field(default=False, description="a free place drawn from the robot's seed")
     seed: int | None = Field(default=None, ge=0, description="start all noise anew from this seed")
+
+
+class Solid(Payload):
+    """Something upright in an arena, seen from above."""
+
+    corners: list[tuple[float, float]] = Field(min_length=3, description="metres")
+    colour: tuple[float, float, float] = Field(description="red, green and blue, 0 to 1")
+
+
+class Outline(Payload):
+    """An arena seen from above, to draw what happens in it."""
+
+    title: str
+    floor: tuple[float, float, float] = Field(description="red, green and blue, 0 to 1")
+    solids: list[Solid]
+    start: Pose
+    robot_radius: float = Field(gt=0.0, description="metres")
 
 
 class CameraQuery(Payload):

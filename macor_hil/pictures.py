@@ -1,0 +1,76 @@
+"""Pictures in the form of the paper's figures; needs the extra 'pictures' (Matplotlib)."""
+
+from collections.abc import Mapping
+from math import cos, sin
+from pathlib import Path
+from typing import Any
+
+from macor_hil.errors import MacorError
+from macor_hil.trials import Trial
+from protocol.side_channel import Outline
+
+
+def draw_trials(path: Path, outline: Outline, trials: Mapping[str, Trial]) -> None:
+    """One trial of each planner: the way in the arena, the reinforcement below (figure 3).
+
+    Circles mark the robot after every command, the last one red after a collision.
+
+    Args:
+        path: where the PNG goes.
+        outline: the arena.
+        trials: a trial by the name to print above it.
+
+    Raises:
+        MacorError: Matplotlib is not installed.
+    """
+    figure_type = _figure()
+    figure = figure_type(figsize=(4.2 * len(trials), 5.6), layout="constrained")
+    axes = figure.subplots(2, len(trials), squeeze=False, height_ratios=[4, 1], sharey="row")
+    for column, (name, trial) in enumerate(trials.items()):
+        above, below = axes[0][column], axes[1][column]
+        _draw_way(above, outline, trial)
+        end = "collision" if trial.collided else "no collision"
+        above.set_title(f"{name}: {trial.length} commands, {end}", fontsize=10)
+        steps = range(1, trial.length + 1)
+        below.bar(steps, trial.reinforcement, width=0.8, color="tab:blue")
+        below.set(xlabel="command", ylim=(0.0, 1.0), xlim=(0.0, 41.0))
+        if column == 0:
+            below.set_ylabel("reinforcement")
+            above.set_ylabel("y in m")
+        above.set_xlabel("x in m")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+
+
+def _draw_way(axes: Any, outline: Outline, trial: Trial) -> None:
+    from matplotlib.patches import Circle, Polygon
+
+    axes.set_facecolor(outline.floor)
+    for solid in outline.solids:
+        axes.add_patch(Polygon(solid.corners, facecolor=solid.colour, edgecolor="none"))
+    radius = outline.robot_radius
+    for number, pose in enumerate(trial.path):
+        last = number == len(trial.path) - 1
+        colour = "red" if last and trial.collided else "white"
+        axes.add_patch(
+            Circle((pose.x, pose.y), radius, fill=False, edgecolor=colour, linewidth=1.0)
+        )
+        axes.plot(
+            [pose.x, pose.x + radius * cos(pose.heading)],
+            [pose.y, pose.y + radius * sin(pose.heading)],
+            color=colour,
+            linewidth=1.0,
+        )
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+
+
+def _figure() -> Any:
+    try:
+        # the Figure class alone: no window system, no global state
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MacorError(
+            "drawing needs Matplotlib, which is not installed; install the extra 'pictures'"
+        ) from None
+    return Figure

@@ -1,0 +1,110 @@
+"""The sensorimotor map and the planners on small maps that can be worked out by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from macor_hil.planners.anticipative import Anticipative
+from macor_hil.planners.planner import best_command
+from macor_hil.planners.reactive import Reactive
+from macor_hil.sensorimotor_map import Competence, SensorimotorMap
+
+KNOWN = 50  # adaptations after which a transition is as competent as can be
+
+
+def memory_of(*transitions: tuple[int, int, float], nodes: int = 6) -> SensorimotorMap:
+    """A map of two commands with well-known transitions (j, i, r)."""
+    memory = SensorimotorMap(nodes, 2)
+    for j, i, r in transitions:
+        for _ in range(KNOWN):
+            memory.learn(j, i, r)
+    return memory
+
+
+def test_competence_rises_with_adaptation_to_below_one() -> None:
+    weights = Competence()(np.arange(12))
+    assert weights[0] == 0.0
+    assert (np.diff(weights) > 0).all()
+    assert weights[-1] < 0.95
+    assert weights[-1] == pytest.approx(0.95)
+    # equation 1 at z = mu gives half of the greatest weight
+    assert Competence(mu=3.0)(np.array([3]))[0] == pytest.approx(0.475)
+
+
+def test_the_evaluation_is_the_mean_of_what_a_transition_earned() -> None:
+    memory = SensorimotorMap(1, 2)
+    for r in (0.7, 0.5, 0.0):
+        memory.learn(0, 1, r)
+    assert memory.z[1, 0] == 3
+    assert memory.w_r[1, 0] == pytest.approx(0.4)
+
+
+def test_reactive_takes_the_best_next_step_and_looks_no_further() -> None:
+    # command 1 earns more at once, and then nothing; command 0 earns steadily
+    memory = memory_of((0, 3, 0.7), (3, 5, 0.0), (0, 2, 0.5), (2, 4, 0.5), (4, 6, 0.5))
+    assert Reactive().plan(memory, 0).command == 1
+    assert Anticipative().plan(memory, 0).command == 0
+    assert Anticipative().plan(memory, 0).sequence == (2, 4, 6)
+
+
+def test_evaluations_follow_equations_5_and_6() -> None:
+    memory = memory_of((0, 2, 0.5), (2, 4, 0.7))
+    plan = Anticipative().plan(memory, 0)
+    w = 0.95
+    assert plan.evaluations == (pytest.approx(0.5 * w + 0.7 * w * w), None)
+    assert plan.steps == 2
+
+
+def test_a_neuron_hangs_on_the_predecessor_of_its_greatest_activity() -> None:
+    # neuron 4 is reached at once by command 0 and over a detour by command 1: the detour is cut
+    memory = memory_of((0, 4, 0.1), (0, 3, 0.1), (3, 4, 0.9), (4, 6, 0.9))
+    plan = Anticipative().plan(memory, 0)
+    assert plan.evaluations[1] == pytest.approx(0.1 * 0.95)
+    assert plan.evaluations[0] == pytest.approx(0.1 * 0.95 + 0.9 * 0.95**2)
+
+
+def test_a_transition_back_to_the_start_is_worth_itself() -> None:
+    memory = memory_of((0, 0, 0.7), (0, 3, 0.5))
+    plan = Reactive().plan(memory, 0)
+    assert plan.evaluations == (pytest.approx(0.7 * 0.95), pytest.approx(0.5 * 0.95))
+
+
+def test_rare_transitions_are_devalued() -> None:
+    memory = memory_of((0, 3, 0.5))
+    memory.learn(0, 2, 0.9)
+    assert Reactive().plan(memory, 0).command == 1
+
+
+def test_a_situation_without_any_transition_has_no_plan() -> None:
+    plan = Anticipative().plan(SensorimotorMap(3, 2), 1)
+    assert plan.command is None
+    assert plan.evaluations == (None, None)
+
+
+def test_the_first_of_equal_commands_is_best() -> None:
+    assert best_command((0.5, 0.5, None)) == 0
+    assert best_command((None, None)) is None
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 11), st.integers(0, 11), st.sampled_from([0.0, 0.5, 0.7])),
+        max_size=200,
+    ),
+    st.integers(0, 11),
+)
+def test_planning_ends_and_sequences_never_meet_a_neuron_twice(
+    transitions: list[tuple[int, int, float]], start: int
+) -> None:
+    memory = SensorimotorMap(6, 2)
+    for j, i, r in transitions:
+        memory.learn(j, i, r)
+    plan = Anticipative().plan(memory, start)
+    path = (start, *plan.sequence)
+    assert len(set(path)) == len(path)
+    tried = {i % 2 for j, i, _ in transitions if j == start}
+    known = {a for a, value in enumerate(plan.evaluations) if value is not None}
+    # a transition whose neuron is reached better in another way is no alternative
+    assert known <= tried
+    assert (plan.command is None) == (not known)

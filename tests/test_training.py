@@ -1,0 +1,121 @@
+"""Training over a real (emulated) line: phases, collisions, checkpoints, resuming."""
+
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from macor_hil.brain import Brain, Settings
+from macor_hil.checkpoints import checkpoint_path, train_map
+from macor_hil.drive import Driver
+from macor_hil.errors import MapError
+from macor_hil.hardware import open_hardware
+from macor_hil.map_file import load_map
+from macor_hil.training import Phase, Recovery, Schedule
+
+PORT = "khepera://corridor?seed=3"
+SHORT = Schedule(tuning=20, random=60, reactive=20, session=20, episode=15, seed=5)
+SETTINGS = Settings(nodes=12)
+
+
+class StopHereError(Exception):
+    """Stands for whatever ends a training early."""
+
+
+def train(path: Path, schedule: Schedule = SHORT, stop_at: int | None = None) -> Brain:
+    def progress(done: int) -> None:
+        if done == stop_at:
+            raise StopHereError
+
+    with open_hardware(PORT) as hardware:
+        devices = Driver(hardware.robot), hardware.camera, hardware.bench
+        return train_map(path, SETTINGS, schedule, PORT, devices, progress)
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A short training without interruption."""
+    path = tmp_path_factory.mktemp("maps") / "whole.npz"
+    train(path)
+    return path.read_bytes()
+
+
+def test_sessions_cover_all_commands_in_the_paper_s_order() -> None:
+    sessions = Schedule(tuning=400, random=1100, reactive=300, session=250).sessions()
+    assert [s.length for s in sessions] == [400, 250, 250, 250, 250, 100, 250, 50]
+    assert [s.start for s in sessions] == [0, 400, 650, 900, 1150, 1400, 1500, 1750]
+    assert [s.phase for s in sessions] == [Phase.TUNING] + [Phase.RANDOM] * 5 + [Phase.REACTIVE] * 2
+    assert [s.number for s in sessions] == list(range(8))
+
+
+def test_training_learns_one_transition_a_command(tmp_path: Path) -> None:
+    brain = train(tmp_path / "a.npz")
+    assert brain.map.z.sum() == SHORT.random + SHORT.reactive
+    assert 0 < brain.art.size <= 12
+    assert brain.fields.high != (1.0, 1.0, 1.0)
+    assert not checkpoint_path(tmp_path / "a.npz").exists()
+
+
+@pytest.mark.parametrize("stop_at", [7, 20, 55, 99])
+def test_an_interrupted_training_ends_with_the_same_map(
+    tmp_path: Path, unbroken: bytes, stop_at: int
+) -> None:
+    path = tmp_path / "a.npz"
+    with pytest.raises(StopHereError):
+        train(path, stop_at=stop_at)
+    assert not path.exists()
+    train(path)
+    assert path.read_bytes() == unbroken
+
+
+def test_a_killed_training_loses_at_most_its_last_session(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    code = (
+        "import os, signal, sys; sys.path.insert(0, sys.argv[2]); import test_training as t;"
+        "from pathlib import Path; p = Path(sys.argv[1]);"
+        "t.train_killing_itself(p, 70)"
+    )
+    here = str(Path(__file__).parent)
+    done = subprocess.run([sys.executable, "-c", code, str(path), here], check=False)
+    assert done.returncode == -signal.SIGKILL
+    brain, training = load_map(checkpoint_path(path))
+    assert training["sessions"] == 3  # 60 of the 70 commands
+    assert brain.map.z.sum() == 40
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.npz.part"]
+
+
+def train_killing_itself(path: Path, at: int) -> None:
+    """For a process of its own: SIGKILL in mid-training."""
+
+    def progress(done: int) -> None:
+        if done == at:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    with open_hardware(PORT) as hardware:
+        devices = Driver(hardware.robot), hardware.camera, hardware.bench
+        train_map(path, SETTINGS, SHORT, PORT, devices, progress)
+
+
+def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    with pytest.raises(StopHereError):
+        train(path, stop_at=50)
+    with pytest.raises(MapError, match="schedule differ"):
+        train(path, replace(SHORT, seed=6))
+
+
+def test_driving_back_recovers_without_any_reset(tmp_path: Path) -> None:
+    backing = replace(SHORT, random=150, recovery=Recovery.BACK, session=170)
+    with open_hardware(PORT) as hardware:
+        devices = Driver(hardware.robot), hardware.camera, None
+        brain = train_map(tmp_path / "a.npz", SETTINGS, backing, PORT, devices, lambda _: None)
+        assert hardware.bench is not None
+        assert not hardware.bench.truth().touched
+    assert brain.map.z.sum() == 170
+    # it did collide, and went on
+    assert np.count_nonzero((brain.map.w_r < 0.4) & (brain.map.z > 0)) > 0

@@ -1,0 +1,80 @@
+"""From mirror image to features."""
+
+import numpy as np
+import pytest
+
+from macor_hil.errors import CameraError
+from macor_hil.vision.opponent import opponent_colours
+from macor_hil.vision.receptive_fields import ReceptiveFields
+from macor_hil.vision.unwrap import PanoramaSize, Unwrapper
+from protocol.mirror import Mirror
+
+MIRROR = Mirror()
+
+
+def mirror_image_with_a_spot(azimuth_degrees: float) -> np.ndarray:
+    """Black, with a white spot half-way between the radii; 0 degrees ahead, 90 to the left."""
+    image = np.zeros((MIRROR.height, MIRROR.width, 3), np.uint8)
+    radius = (MIRROR.inner + MIRROR.outer) / 2
+    angle = np.radians(azimuth_degrees)
+    x = round(MIRROR.centre_x - radius * np.sin(angle))
+    y = round(MIRROR.centre_y - radius * np.cos(angle))
+    image[y - 2 : y + 3, x - 2 : x + 3] = 255
+    return image
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "column"), [(0, 60), (90, 30), (-90, 90), (45, 45), (170, 3), (-170, 116)]
+)
+def test_unwrapping_puts_each_direction_in_its_column(azimuth: float, column: int) -> None:
+    panorama = Unwrapper(MIRROR, PanoramaSize(120, 32))(mirror_image_with_a_spot(azimuth))
+    row, brightest = np.unravel_index(panorama[..., 0].argmax(), panorama.shape[:2])
+    assert abs(int(brightest) - column) <= 3
+    assert abs(int(row) - 16) <= 2
+
+
+def test_a_frame_of_another_size_is_refused_in_a_sentence() -> None:
+    with pytest.raises(CameraError, match="160 x 160"):
+        Unwrapper(MIRROR, PanoramaSize())(np.zeros((120, 160, 3), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("bgr", "opponent"),
+    [
+        ((0, 0, 0), (0.0, 0.5, 0.5)),
+        ((255, 255, 255), (1.0, 0.5, 0.5)),
+        ((0, 0, 255), (1 / 3, 1.0, 0.75)),
+        ((0, 255, 0), (1 / 3, 0.0, 0.75)),
+        ((255, 0, 0), (1 / 3, 0.5, 0.0)),
+        ((0, 255, 255), (2 / 3, 0.5, 1.0)),
+    ],
+)
+def test_opponent_colours(bgr: tuple[int, ...], opponent: tuple[float, ...]) -> None:
+    image = np.full((1, 1, 3), bgr, np.uint8)
+    assert opponent_colours(image)[0, 0] == pytest.approx(opponent, abs=1e-6)
+
+
+def test_sectors_average_their_part_of_the_panorama() -> None:
+    panorama = np.zeros((32, 120, 3), np.uint8)
+    panorama[:, 30:40] = 255
+    raw = ReceptiveFields(12).raw(panorama).reshape(12, 3)
+    assert raw[3, 0] == pytest.approx(1.0)
+    assert raw[[0, 1, 2, 4, 11], 0] == pytest.approx(0.0)
+
+
+def test_tuned_features_fill_zero_to_one() -> None:
+    rng = np.random.default_rng(0)
+    raw = rng.uniform(0.4, 0.6, (400, 36))
+    fields = ReceptiveFields(12).tuned_to(raw)
+    x = fields.tune(raw)
+    assert x.min() == 0.0
+    assert x.max() == 1.0
+    assert 0.9 < np.ptp(np.percentile(x, [2, 98])) <= 1.0
+
+
+def test_a_channel_without_contrast_is_not_amplified() -> None:
+    raw = np.full((100, 36), 0.5)
+    raw[:, 0::3] = np.linspace(0, 1, 100)[:, None]
+    fields = ReceptiveFields(12).tuned_to(raw)
+    assert (fields.low[1], fields.high[1]) == (0.0, 1.0)
+    assert fields.high[0] > 0.9
