@@ -30,12 +30,6 @@ _CONTACT_MARGIN = 0.002
 """Gap in metres below which the dynamics take over, on top of what the next period can bring."""
 
 _WHEELS = (0, 1)
-_DISTANCE = 8
-"""Place of the distance in what PyBullet tells about a point of contact."""
-
-_TOUCH = 1e-4
-"""Metres between two surfaces that count as touching; the solver's own slack is a tenth of it."""
-
 _LEAST_GRIP = 0.2
 """Least part of a wheel's way that reaches the ground, however large the slip that was drawn."""
 
@@ -155,13 +149,11 @@ class Chassis:
 
     def _touches(self) -> bool:
         solids = self._world.solids
-        if solids is None:
-            return False
-        # PyBullet also lists points that are still apart
-        points = pybullet.getContactPoints(
-            self._body, solids, linkIndexA=-1, physicsClientId=self._client
+        return solids is not None and bool(
+            pybullet.getContactPoints(
+                self._body, solids, linkIndexA=-1, physicsClientId=self._client
+            )
         )
-        return any(point[_DISTANCE] <= _TOUCH for point in points)
 
     def _sync(self, left: float, right: float) -> None:
         """Set the rigid body to the present pose, its wheels turning at given ground speeds."""
