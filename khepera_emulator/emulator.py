@@ -167,7 +167,9 @@ class Emulator:
         return self._camera
 
     def _drive(self, until: float) -> None:
-        self._robot.run(int((until - self._power_time) / CONTROL_PERIOD + 1e-6))
+        due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
+        if due > self._robot.ticks:
+            self._robot.run(due)
 
     def _gap(self, pose: Pose) -> float:
         return self._plan.clearance(pose.x, pose.y) - self.setup.model.radius

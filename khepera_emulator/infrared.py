@@ -95,7 +95,7 @@ class Infrared:
         distances, grey = self._plan.cast(fan[:half] + (x, y), fan[half:])
         dim = (_BLACK_LOSS - _BLACK_LOSS * grey) * np.maximum(self._reach - distances, 0.0)
         effective = distances + dim + self._penalty
-        nearest: Array = effective.reshape(8, -1).min(axis=1)
+        nearest: Array = np.minimum.reduce(effective.reshape(8, -1), axis=1)
         return nearest
 
     def _lamp_effect(self, lamp: Lamp, x: float, y: float, heading: float) -> Array:
@@ -121,8 +121,7 @@ class Infrared:
 
     def _quantise(self, values: Array) -> tuple[int, ...]:
         step, top = self._model.proximity.step, self._model.full_scale
-        steps = np.minimum(np.maximum(values, 0.0), top).astype(int) // step * step
-        return tuple(steps.tolist())
+        return tuple(min(max(int(value), 0), top) // step * step for value in values.tolist())
 
 
 def _tabulate(curve: ProximityCurve) -> Array:
