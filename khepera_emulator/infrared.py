@@ -92,7 +92,7 @@ class Infrared:
         c, s = cos(heading), sin(heading)
         fan = self._fan @ np.array([[c, s], [-s, c]])
         half = len(fan) // 2
-        distances, grey = self._plan.cast(fan[:half] + (x, y), fan[half:])
+        distances, grey = self._plan.cast(np.add(fan[:half], (x, y)), fan[half:])
         dim = (_BLACK_LOSS - _BLACK_LOSS * grey) * np.maximum(self._reach - distances, 0.0)
         effective = distances + dim + self._penalty
         nearest: Array = np.minimum.reduce(effective.reshape(8, -1), axis=1)
