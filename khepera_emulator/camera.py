@@ -21,7 +21,7 @@ from protocol.side_channel import Pose
 Image = NDArray[np.uint8]
 """Picture of shape (height, width, 3), channels in OpenCV's order blue, green, red."""
 
-HEIGHT = 0.09
+HEIGHT = 0.06
 """Metres of the mirror's viewpoint above the floor (a choice)."""
 
 NOISE = 2.0

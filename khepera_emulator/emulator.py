@@ -13,16 +13,17 @@ import numpy as np
 
 from khepera_emulator.arena import Arena
 from khepera_emulator.camera import Image, OmniCamera
-from khepera_emulator.drift import PRESETS, DriftSettings
+from khepera_emulator.drift import PRESETS, DriftSettings, draw_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.firmware import Firmware
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, Model
+from khepera_emulator.outline import outline
 from khepera_emulator.robot import Robot
 from khepera_emulator.uart import Uart, on_grid
 from khepera_emulator.world import World
 from protocol.mirror import Mirror
-from protocol.side_channel import Pose, Reset, Truth
+from protocol.side_channel import Outline, Pose, Reset, Truth
 from protocol.units import CONTROL_PERIOD
 
 _PLACE_TRIES = 10_000
@@ -36,7 +37,7 @@ class Setup:
         arena: where it drives.
         model: which Khepera.
         drift: how far its wheels deceive it.
-        seed: of all its randomness.
+        seed: of this robot (its drift), and of all that happens by chance.
         baud: rate of its line, or None for a line that takes no time.
         mirror: geometry of its camera.
     """
@@ -50,15 +51,16 @@ class Setup:
 
 
 class _Streams(NamedTuple):
-    """Independent random numbers for the robot, its camera, and the places it is put down at."""
+    """Independent random numbers for a robot's making, its drives, its camera and its places."""
 
-    robot: np.random.Generator
+    making: np.random.Generator
+    driving: np.random.Generator
     camera: np.random.Generator
     places: np.random.Generator
 
 
 def _streams(seed: int) -> _Streams:
-    return _Streams(*np.random.default_rng(seed).spawn(3))
+    return _Streams(*np.random.default_rng(seed).spawn(4))
 
 
 class Emulator:
@@ -78,7 +80,10 @@ class Emulator:
         self.now = 0.0
         self._plan = FloorPlan(setup.arena)
         self._check_room(self.start_pose)
-        self._build(self.start_pose, _streams(setup.seed))
+        streams = _streams(setup.seed)
+        # a robot keeps its wheels for life: a reset begins chance anew, not the robot
+        self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
+        self._build(self.start_pose, streams)
 
     def close(self) -> None:
         """Give back the physics client."""
@@ -120,6 +125,10 @@ class Emulator:
         """Ground truth, now."""
         return self._robot.truth().model_copy(update={"time": self.now})
 
+    def outline(self) -> Outline:
+        """The arena from above, to draw what happens in it."""
+        return outline(self.setup.arena, self.setup.model)
+
     def mirror_image(self) -> Image:
         """What the camera sees now, in its mirror."""
         return self._eye().mirror_image(self._robot.chassis.pose)
@@ -132,7 +141,7 @@ class Emulator:
         """Put the robot somewhere, powered on afresh, the line silent.
 
         With a seed the whole world is made anew, and the control periods are counted from now:
-        what follows equals what follows the making of an emulator with that seed.
+        what follows depends on the robot, the reset and the seed alone.
 
         Raises:
             EmulatorError: the pose is not free, or no free one was found; nothing has changed.
@@ -155,7 +164,7 @@ class Emulator:
         setup = self.setup
         self._streams = streams
         self._world = World(setup.arena)
-        self._robot = Robot(self._world, setup.model, pose, setup.drift, streams.robot)
+        self._robot = Robot(self._world, setup.model, pose, self._drift, streams.driving)
         self._firmware = Firmware(self._robot)
         self._camera: OmniCamera | None = None
         self._power_time = self.now

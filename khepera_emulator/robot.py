@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from khepera_emulator.chassis import Chassis
-from khepera_emulator.drift import DriftSettings, draw_drift, slip_sequence
+from khepera_emulator.drift import slip_sequence
 from khepera_emulator.infrared import SCAN_PERIOD, Infrared
 from khepera_emulator.models import Model
 from khepera_emulator.motors import Gains, Profile, Wheel
 from khepera_emulator.world import World
-from protocol.side_channel import Pose, Truth
+from protocol.side_channel import Pose, Truth, WheelDrift
 from protocol.units import CONTROL_PERIOD, PULSE
 
 _SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
@@ -38,8 +38,8 @@ class Robot:
         world: where it is.
         model: which of the two robots.
         pose: where it is put down.
-        drift: how far its wheels may deceive it.
-        rng: source of all its randomness: drift, slip and sensor noise have a stream each.
+        drift: what its encoders do not see.
+        rng: source of all its randomness: slip and sensor noise have a stream each.
     """
 
     def __init__(
@@ -47,12 +47,12 @@ class Robot:
         world: World,
         model: Model,
         pose: Pose,
-        drift: DriftSettings,
+        drift: WheelDrift,
         rng: np.random.Generator,
     ) -> None:
         self.model = model
-        systematic, slip, sensors = rng.spawn(3)
-        self.drift = draw_drift(drift, model.wheel_base, systematic)
+        slip, sensors = rng.spawn(2)
+        self.drift = drift
         self._slip = slip_sequence(slip)
         self.chassis = Chassis(world, model, self.drift, pose)
         self.infrared = Infrared(model, world.plan, world.arena.lamp, sensors)

@@ -3,13 +3,15 @@
 For set-up and scoring only. A physical robot has no bench, and nothing that drives needs one.
 """
 
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import zenoh
 from pydantic import ValidationError
 
 from macor_hil.errors import BenchError
-from protocol.side_channel import Reset, Truth, robot_key
+from protocol.side_channel import Outline, Payload, Reset, Truth, robot_key
+
+_P = TypeVar("_P", bound=Payload)
 
 PATIENCE = 5.0
 """Seconds that a reset may take."""
@@ -28,6 +30,14 @@ class Bench(Protocol):
 
     def truth(self) -> Truth:
         """Where the robot really is.
+
+        Raises:
+            BenchError: the emulator does not answer.
+        """
+        ...
+
+    def outline(self) -> Outline:
+        """The arena from above, to draw.
 
         Raises:
             BenchError: the emulator does not answer.
@@ -56,6 +66,11 @@ class PortBench:
         truth: Truth = self._emulator.truth()
         return truth
 
+    def outline(self) -> Outline:
+        """The arena from above."""
+        outline: Outline = self._emulator.outline()
+        return outline
+
 
 class ZenohBench:
     """Bench of an emulator daemon, over its side channel."""
@@ -66,20 +81,24 @@ class ZenohBench:
 
     def reset(self, reset: Reset) -> Truth:
         """Put the robot somewhere."""
-        return self._ask("reset", reset.model_dump_json(exclude_none=True))
+        return self._ask("reset", Truth, reset.model_dump_json(exclude_none=True))
 
     def truth(self) -> Truth:
         """Where the robot really is."""
-        return self._ask("truth", None)
+        return self._ask("truth", Truth)
 
-    def _ask(self, leaf: str, payload: str | None) -> Truth:
+    def outline(self) -> Outline:
+        """The arena from above."""
+        return self._ask("arena", Outline)
+
+    def _ask(self, leaf: str, kind: type[_P], payload: str | None = None) -> _P:
         key = robot_key(self._robot, leaf)
         for reply in self._session.get(key, payload=payload, timeout=PATIENCE):
             if reply.ok is None:
                 reason = reply.err.payload.to_string() if reply.err else "no reason given"
                 raise BenchError(f"the emulator answers on {key}: {reason}")
             try:
-                return Truth.model_validate_json(reply.ok.payload.to_bytes())
+                return kind.model_validate_json(reply.ok.payload.to_bytes())
             except ValidationError as error:
-                raise BenchError(f"what came from {key} is no ground truth: {error}") from None
+                raise BenchError(f"what came from {key} is no {kind.__name__}: {error}") from None
         raise BenchError(f"no emulator answers on the Zenoh key {key}; is it running?")

@@ -1,6 +1,6 @@
 """A robot, its camera and, where it is emulated, its bench: opened and closed together."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 

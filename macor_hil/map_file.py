@@ -9,7 +9,7 @@ import json
 import os
 import tempfile
 import zipfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -115,9 +115,7 @@ def write_atomically(path: Path, data: bytes) -> None:
 def _restore(meta: dict[str, Any], arrays: dict[str, Any]) -> Brain:
     brain = Brain(_SETTINGS.validate_python(meta["settings"]))
     fields = meta["fields"]
-    brain.fields = type(brain.fields)(
-        brain.settings.sectors, tuple(fields["low"]), tuple(fields["high"])
-    )
+    brain.fields = replace(brain.fields, low=tuple(fields["low"]), high=tuple(fields["high"]))
     weights = arrays["weights"]
     if weights.shape[1] != 2 * brain.fields.size or len(weights) > brain.settings.nodes:
         raise ValueError(f"weights of shape {weights.shape} do not fit the settings")

@@ -25,5 +25,5 @@ class Mirror:
     centre_y: float = 79.5
     inner: float = 16.0
     outer: float = 78.0
-    low: float = radians(-50.0)
+    low: float = radians(-60.0)
     high: float = radians(20.0)

@@ -60,7 +60,7 @@ class Reset(Payload):
 
     pose: Pose | None = Field(default=None, description="where to; absent: see random")
     random: bool = Field(default=False, description="a free place drawn from the robot's seed")
-    seed: int | None = Field(default=None, ge=0, description="start all noise anew from this seed")
+    seed: int | None = Field(default=None, ge=0, description="start all chance anew from this seed")
 
 
 class Solid(Payload):

@@ -7,11 +7,12 @@ import pytest
 
 from khepera_emulator.arena import Arena
 from khepera_emulator.chassis import Chassis
-from khepera_emulator.drift import PRESETS
 from khepera_emulator.models import KHEPERA, KHEPERA2
 from khepera_emulator.robot import Robot
 from khepera_emulator.world import World
 from protocol.side_channel import Pose, WheelDrift
+
+NO_DRIFT = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
 
 IDEAL = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
 STRAIGHT = (0.0004, 0.0004)
@@ -181,7 +182,7 @@ def test_heading_of_the_pose_lies_in_one_turn(world):
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2])
 def test_truth_tells_of_contacts(world, model):
     pose = Pose(x=0.0, y=0.0, heading=0.0)
-    robot = Robot(world, model, pose, PRESETS["none"], np.random.default_rng(0))
+    robot = Robot(world, model, pose, NO_DRIFT, np.random.default_rng(0))
     assert not robot.truth().contact
     for wheel in robot.wheels:
         wheel.drive_speed(10)
@@ -199,7 +200,7 @@ def test_truth_tells_of_contacts(world, model):
 
 def test_truth_of_a_robot_at_rest_has_no_speed(world):
     pose = Pose(x=0.0, y=0.0, heading=0.0)
-    robot = Robot(world, KHEPERA, pose, PRESETS["none"], np.random.default_rng(0))
+    robot = Robot(world, KHEPERA, pose, NO_DRIFT, np.random.default_rng(0))
     for wheel in robot.wheels:
         wheel.drive_speed(10)
     for _ in range(100):

@@ -32,7 +32,8 @@ def plain():
 
 
 def robot(world: World, drift: DriftSettings, seed: int = 1) -> Robot:
-    return Robot(world, KHEPERA, ORIGIN, drift, np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    return Robot(world, KHEPERA, ORIGIN, draw_drift(drift, KHEPERA.wheel_base, rng), rng)
 
 
 def drive(driven: Robot, left: int, right: int, ticks: int) -> tuple[int, int]:

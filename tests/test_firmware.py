@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from khepera_emulator.arena import load_arena
-from khepera_emulator.drift import PRESETS
 from khepera_emulator.firmware import Firmware
 from khepera_emulator.models import KHEPERA, KHEPERA2
 from khepera_emulator.motors import Gains, Mode, Profile
@@ -14,7 +13,9 @@ from khepera_emulator.robot import Robot
 from khepera_emulator.world import World
 from protocol.commands import COMMANDS, TOOLS
 from protocol.framing import RequestSplitter
-from protocol.side_channel import Pose
+from protocol.side_channel import Pose, WheelDrift
+
+NO_DRIFT = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
 
 BANNER = (
     b"ROM of minirobot KHEPERA, Edoardo Franzi K-Team S.A. October 22, 1998 Rev. 5.01\r\n"
@@ -31,7 +32,7 @@ def world():
 
 def make(world: World, model=KHEPERA) -> Robot:
     pose = Pose(x=0.3, y=0.0, heading=0.0)
-    return Robot(world, model, pose, PRESETS["none"], np.random.default_rng(0))
+    return Robot(world, model, pose, NO_DRIFT, np.random.default_rng(0))
 
 
 @pytest.fixture

@@ -266,7 +266,7 @@ def test_another_seed_gives_another_robot():
 def test_a_seeded_reset_has_no_past(past):
     with open_port("khepera://corridor?seed=7") as fresh:
         expected = session(fresh, Reset(seed=7))
-    with open_port("khepera://corridor?seed=3") as used:
+    with open_port("khepera://corridor?seed=7") as used:
         ask(used, b"D,7,5")
         used.timeout = 0.05
         used.read(1)
@@ -289,9 +289,17 @@ def test_a_seeded_reset_has_no_past(past):
 def test_a_seeded_reset_equals_a_fresh_port():
     with open_port("khepera://corridor?seed=7") as fresh:
         expected = session(fresh)
-    with open_port("khepera://corridor?seed=3") as used:
+    with open_port("khepera://corridor?seed=7") as used:
         session(used)
         assert session(used, Reset(seed=7)) == expected
+
+
+def test_a_robot_keeps_its_wheels_over_a_reset():
+    with open_port("khepera://corridor?seed=7") as port:
+        drift = port.emulator.truth().drift
+        assert port.emulator.reset(Reset(seed=8)).drift == drift
+    with open_port("khepera://corridor?seed=8") as port:
+        assert port.emulator.truth().drift != drift
 
 
 def test_a_random_place_depends_on_the_seed_alone():

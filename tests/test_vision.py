@@ -54,12 +54,16 @@ def test_opponent_colours(bgr: tuple[int, ...], opponent: tuple[float, ...]) -> 
     assert opponent_colours(image)[0, 0] == pytest.approx(opponent, abs=1e-6)
 
 
-def test_sectors_average_their_part_of_the_panorama() -> None:
+def test_each_field_looks_most_into_its_own_direction() -> None:
     panorama = np.zeros((32, 120, 3), np.uint8)
     panorama[:, 30:40] = 255
-    raw = ReceptiveFields(12).raw(panorama).reshape(12, 3)
-    assert raw[3, 0] == pytest.approx(1.0)
-    assert raw[[0, 1, 2, 4, 11], 0] == pytest.approx(0.0)
+    white = ReceptiveFields(12).raw(panorama).reshape(12, 3)[:, 0]
+    assert white.argmax() == 3
+    assert white[2] == pytest.approx(white[4])
+    assert 0.1 < white[4] < white[3]
+    assert white[9] == pytest.approx(0.0, abs=1e-6)
+    # the fields share all light out among themselves
+    assert white.mean() == pytest.approx(10 / 120, rel=0.05)
 
 
 def test_tuned_features_fill_zero_to_one() -> None:

@@ -6,21 +6,26 @@ opponent-process theory as plain differences of the camera's channels, each in [
 "neither". Differences cancel white light, so red-green and blue-yellow hardly move with exposure.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-
-from macor_hil.vision.unwrap import Image
 
 CHANNELS = ("black-white", "red-green", "blue-yellow")
 
 # rows: the three axes; columns: blue, green, red as OpenCV orders them
-_AXES = np.array(
-    [[1 / 3, 1 / 3, 1 / 3], [0.0, -0.5, 0.5], [-0.5, 0.25, 0.25]], dtype=np.float32
-) / np.float32(255)
-_NEUTRAL = np.array([0.0, 0.5, 0.5], dtype=np.float32)
+_AXES = np.array([[1 / 3, 1 / 3, 1 / 3], [0.0, -0.5, 0.5], [-0.5, 0.25, 0.25]]) / 255
+_NEUTRAL = np.array([0.0, 0.5, 0.5])
 
 
-def opponent_colours(image: Image) -> NDArray[np.float32]:
-    """The three opponent channels of a picture, shape (height, width, 3), each in [0, 1]."""
-    colours: NDArray[np.float32] = image.astype(np.float32) @ _AXES.T + _NEUTRAL
-    return colours
+def opponent_colours(colours: NDArray[Any]) -> NDArray[np.float64]:
+    """The three opponent channels of colours in OpenCV's order, 0 to 255.
+
+    Args:
+        colours: blue, green and red on the last axis, shape (..., 3).
+
+    Returns:
+        The channels on the last axis, same shape, each in [0, 1].
+    """
+    channels: NDArray[np.float64] = colours @ _AXES.T + _NEUTRAL
+    return channels

@@ -1,14 +1,16 @@
 """Receptive fields: the distribution of colour around the robot as the features x.
 
-The paper's fields are "specially tuned" and not printed. Chosen here: the panorama is cut into
-sectors fixed to the robot's heading, and each sector gives the mean of each opponent channel.
-The share of the bright or coloured wall in a sector grows as the wall comes nearer, so these means
-are an implicit description of the obstacles around. Each channel is then stretched to the range
-it had in a first drive (1st to 99th percentile): features must fill [0, 1], or the vigilance
-means nothing.
+The paper's fields are "specially tuned" and not printed. Chosen here: fields fixed to the robot's
+heading, evenly around it, each with a Gaussian profile over azimuth that overlaps its neighbours';
+a field gives the mean of each opponent channel over all elevations. The share of wall in it grows
+as the wall comes nearer, so these means are an implicit description of the obstacles around. Each
+channel is then stretched to the range it had in a first drive (1st to 99th percentile): features
+must fill [0, 1], or the vigilance means nothing.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +26,18 @@ RANGE_PERCENTILES = (1.0, 99.0)
 
 @dataclass(frozen=True, slots=True)
 class ReceptiveFields:
-    """Sectors with the tuned range of each opponent channel.
+    """Fields around the robot, with the tuned range of each opponent channel.
 
     Attributes:
-        sectors: how many sectors lie around the robot; must divide the panorama's columns. The
-            first one begins behind the robot, and they go on clockwise over the left side.
-        low, high: values of each channel that become 0 and 1.
+        sectors: how many fields; the first one looks behind the robot's left side, and they go on
+            clockwise. Must divide the panorama's columns.
+        width: standard deviation of a field's profile, radians.
+        low: value of each channel that becomes 0.
+        high: value of each channel that becomes 1.
     """
 
     sectors: int = 12
+    width: float = radians(15.0)
     low: tuple[float, ...] = (0.0, 0.0, 0.0)
     high: tuple[float, ...] = (1.0, 1.0, 1.0)
 
@@ -42,10 +47,10 @@ class ReceptiveFields:
         return self.sectors * len(CHANNELS)
 
     def raw(self, panorama: Image) -> Features:
-        """Mean of each channel in each sector, untuned: shape (sectors * 3,)."""
-        colours = opponent_colours(panorama)
-        columns = colours.mean(axis=0, dtype=np.float64)
-        means: Features = columns.reshape(self.sectors, -1, len(CHANNELS)).mean(axis=1).ravel()
+        """Mean of each channel in each field, untuned: shape (sectors * 3,)."""
+        # both steps are linear: averaging over elevation first leaves little to transform
+        columns = opponent_colours(panorama.mean(axis=0))
+        means: Features = (_profiles(self.sectors, len(columns), self.width) @ columns).ravel()
         return means
 
     def __call__(self, panorama: Image) -> Features:
@@ -65,4 +70,15 @@ class ReceptiveFields:
         # a channel without any contrast says nothing: leave it flat instead of amplifying noise
         flat = high - low < 0.02
         low, high = np.where(flat, 0.0, low), np.where(flat, 1.0, high)
-        return ReceptiveFields(self.sectors, tuple(low.tolist()), tuple(high.tolist()))
+        return replace(self, low=tuple(low.tolist()), high=tuple(high.tolist()))
+
+
+@lru_cache(maxsize=8)
+def _profiles(sectors: int, columns: int, width: float) -> Features:
+    """Weight of every column of the panorama in every field, shape (sectors, columns)."""
+    centres = (np.arange(sectors) + 0.5) / sectors
+    places = (np.arange(columns) + 0.5) / columns
+    apart = (places - centres[:, None] + 0.5) % 1.0 - 0.5
+    weights = np.exp(-0.5 * (2 * np.pi * apart / width) ** 2)
+    profiles: Features = weights / weights.sum(axis=1, keepdims=True)
+    return profiles
