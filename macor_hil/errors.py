@@ -5,6 +5,7 @@ MacorError
  +-- CameraError    no picture, or one that cannot be used
  +-- MapError       a map file that is missing, damaged, or of another version
  +-- BenchError     the emulator's side channel: reset and ground truth
+ +-- TelemetryError the Zenoh session: its endpoints, names and payloads
 """
 
 
@@ -26,3 +27,7 @@ class MapError(MacorError):
 
 class BenchError(MacorError):
     """The emulator refuses a reset, or cannot be reached over its side channel."""
+
+
+class TelemetryError(MacorError):
+    """The Zenoh session cannot be opened, or what came over it cannot be read."""

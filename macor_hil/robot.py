@@ -19,6 +19,15 @@ LONGEST_REPLY = 64
 PATIENCE = 0.5
 """Seconds beyond the wire time that a reply may take."""
 
+_QUIET = 0.05
+"""Seconds without a byte after which nothing more is taken to be on its way."""
+
+_BABBLE = 1.0
+"""Seconds for which bytes that nobody asked for are waited out."""
+
+_STOPS = 3
+"""Attempts at having a stop confirmed."""
+
 
 @dataclass(frozen=True, slots=True)
 class WheelStatus:
@@ -88,19 +97,33 @@ class Khepera:
         Raises:
             RobotError: nothing on the port answers like a Khepera.
         """
-        try:
-            self.port.write(LINE_END)  # ends whatever a client before left half-sent
-            self.port.timeout = 0.05
-            while self.port.read_until(b"\n"):
-                pass
-        except (OSError, serial.SerialException) as error:
-            raise RobotError(f"the serial port failed: {error}") from None
+        self._clear_line(LINE_END)
         return self.request("B").text
+
+    def halt(self) -> None:
+        """Stop the robot, whatever an interrupted exchange has left on the line.
+
+        A first stop goes out at once. When nothing more comes from the robot, a second one is
+        confirmed, so that no reply to an earlier request is taken for the stop's.
+
+        Raises:
+            RobotError: no stop was confirmed.
+        """
+        stop = build_request("D", 0, 0).encode()
+        for attempt in range(1, _STOPS + 1):
+            try:
+                self._clear_line(LINE_END + stop)
+                self.stop()
+            except RobotError:
+                if attempt == _STOPS:
+                    raise
+            else:
+                return
 
     def close(self) -> None:
         """Stop the robot as far as the line still allows, and close the port."""
         try:
-            self.stop()
+            self.halt()
         except RobotError:
             pass  # the line is gone: there is nothing left to say on it
         finally:
@@ -118,7 +141,7 @@ class Khepera:
         try:
             self.port.timeout = limit
             self.port.write(data)
-            line: bytes = self.port.read_until(b"\n")
+            line: bytes = self.port.read_until(b"\n", LONGEST_REPLY)
         except (OSError, serial.SerialException) as error:
             raise RobotError(
                 f"sent {data!r}, then the serial port failed: {error}; is the cable in and the"
@@ -134,6 +157,28 @@ class Khepera:
             return parse_reply(message, line.rstrip(b"\r\n"))
         except ReplyError as error:
             raise RobotError(f"unexpected reply: {error}") from None
+
+    def _clear_line(self, data: bytes) -> None:
+        """Send bytes that begin by ending a half-sent request; drop what comes until it is quiet.
+
+        Raises:
+            RobotError: the port failed, or what is on it never pauses.
+        """
+        came = b""
+        try:
+            self.port.write(data)
+            self.port.timeout = _QUIET
+            start = self.clock()
+            while came := self.port.read_until(b"\n", LONGEST_REPLY):
+                if self.clock() - start > _BABBLE:
+                    break
+        except (OSError, serial.SerialException) as error:
+            raise RobotError(f"sent {data!r}, then the serial port failed: {error}") from None
+        if came:
+            raise RobotError(
+                f"sent {data!r}, and bytes have not stopped coming for {_BABBLE} s, the last ones"
+                f" {came!r}; is this a Khepera's port, at {self.port.baudrate} baud?"
+            )
 
     def set_speed(self, left: int, right: int) -> None:
         """Hold wheel speeds, counts / 10 ms."""

@@ -1,0 +1,1 @@
+"""What the controller tells the world over Zenoh: keys, payloads and the publisher."""

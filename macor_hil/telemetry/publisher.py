@@ -1,0 +1,176 @@
+"""Publishes a run under `macor/<robot>/{frame,decision,state,alive}`.
+
+Nothing here ever waits for a watcher. A subscriber that hangs while its link is up would hold a
+blocking put for seconds, with a robot on the other line; so everything is dropped on congestion.
+Decisions and states travel at a higher priority than frames and do not queue behind them.
+What is lost shows: the stamps count, and the latest decision and state can be asked for.
+"""
+
+import json
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Final, Generic, Self, TypeVar
+
+import cv2
+import zenoh
+
+from macor_hil.cameras import Camera, Frame
+from macor_hil.errors import TelemetryError
+from macor_hil.telemetry.schemas import Decision, State
+from macor_hil.telemetry.session import check_robot_name
+from protocol.side_channel import Payload, Stamp, controller_key
+
+FRAME: Final = "frame"
+DECISION: Final = "decision"
+STATE: Final = "state"
+ALIVE: Final = "alive"
+
+DESCRIBE: Final = "describe"
+"""Selector parameter that asks a JSON key for its schema: `macor/<robot>/decision?describe`."""
+
+SCHEMA_ENCODING: Final = zenoh.Encoding("application/schema+json")
+
+_P = TypeVar("_P", bound=Payload)
+
+
+class Publisher:
+    """Publisher of one robot's controller; use as a context.
+
+    Args:
+        session: an open session, which stays its owner's.
+        robot: the robot's name in the keys.
+
+    Raises:
+        TelemetryError: the name cannot be part of a key.
+    """
+
+    def __init__(self, session: zenoh.Session, robot: str) -> None:
+        check_robot_name(robot)
+        with ExitStack() as stack:
+            self._frames = _FrameKey(stack, session, controller_key(robot, FRAME))
+            self._decisions = _JsonKey(stack, session, controller_key(robot, DECISION), Decision)
+            self._states = _JsonKey(stack, session, controller_key(robot, STATE), State)
+            alive = session.liveliness().declare_token(controller_key(robot, ALIVE))
+            stack.enter_context(alive)
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def frame(self, frame: Frame) -> None:
+        """Publish a mirror image as JPEG, if anyone listens.
+
+        Raises:
+            TelemetryError: the picture cannot be encoded.
+        """
+        self._frames.put(frame)
+
+    def decision(self, decision: Decision) -> None:
+        """Publish a decision."""
+        self._decisions.put(decision, decision.time)
+
+    def state(self, state: State, time: float) -> None:
+        """Publish the controller's state, as of a time in seconds on the robot's clock."""
+        self._states.put(state, time)
+
+
+class WatchedCamera:
+    """A camera whose pictures are published as they are taken."""
+
+    def __init__(self, camera: Camera, publish: Callable[[Frame], None]) -> None:
+        self._camera = camera
+        self._publish = publish
+
+    def grab(self) -> Frame:
+        """A picture of this moment."""
+        frame = self._camera.grab()
+        self._publish(frame)
+        return frame
+
+    def close(self) -> None:
+        """Give the device back."""
+        self._camera.close()
+
+
+def json_encoding(kind: type[Payload]) -> zenoh.Encoding:
+    """Encoding of a JSON payload: `application/json;` and the name of its schema."""
+    return zenoh.Encoding.APPLICATION_JSON.with_schema(f"macor.{kind.__name__}")
+
+
+class _FrameKey:
+    """Puts pictures on a key while someone listens."""
+
+    def __init__(self, stack: ExitStack, session: zenoh.Session, key: str) -> None:
+        self._session = session
+        publisher = session.declare_publisher(
+            key,
+            encoding=zenoh.Encoding.IMAGE_JPEG,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+        )
+        self._publisher = stack.enter_context(publisher)
+        self._sequence = 0
+
+    def put(self, frame: Frame) -> None:
+        if not self._publisher.matching_status:
+            return
+        done, data = cv2.imencode(".jpeg", frame.image)
+        if not done:
+            raise TelemetryError(f"OpenCV cannot encode an image of shape {frame.image.shape}")
+        self._publisher.put(
+            data.tobytes(),
+            attachment=Stamp(sequence=self._sequence, time=frame.time).model_dump_json(),
+            timestamp=self._session.new_timestamp(),
+        )
+        self._sequence += 1
+
+
+class _JsonKey(Generic[_P]):
+    """Puts payloads of one model on a key; answers queries with the latest one or the schema."""
+
+    def __init__(self, stack: ExitStack, session: zenoh.Session, key: str, kind: type[_P]) -> None:
+        self._session = session
+        self._key = key
+        self._kind = kind
+        self._encoding = json_encoding(kind)
+        self._sequence = 0
+        # replaced as a whole, for the library's thread that answers the queries
+        self._latest: tuple[str, str, zenoh.Timestamp] | None = None
+        publisher = session.declare_publisher(
+            key,
+            encoding=self._encoding,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_HIGH,
+        )
+        self._publisher = stack.enter_context(publisher)
+        stack.enter_context(session.declare_queryable(key, self._answer))
+
+    def put(self, payload: _P, time: float) -> None:
+        text = payload.model_dump_json()
+        stamp = Stamp(sequence=self._sequence, time=time).model_dump_json()
+        timestamp = self._session.new_timestamp()
+        self._latest = text, stamp, timestamp
+        self._publisher.put(text, attachment=stamp, timestamp=timestamp)
+        self._sequence += 1
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query:
+            if DESCRIBE in query.parameters:
+                schema = self._kind.model_json_schema()
+                query.reply(self._key, json.dumps(schema), encoding=SCHEMA_ENCODING)
+            elif self._latest is None:
+                query.reply_err(
+                    f"no {self._kind.__name__.lower()} yet", encoding=zenoh.Encoding.TEXT_PLAIN
+                )
+            else:
+                text, stamp, timestamp = self._latest
+                query.reply(
+                    self._key,
+                    text,
+                    encoding=self._encoding,
+                    attachment=stamp,
+                    timestamp=timestamp,
+                )
