@@ -1,0 +1,1 @@
+"""Views of a running controller: Zenoh subscribers and nothing else."""

@@ -1,0 +1,175 @@
+"""Draws what is known of a controller; fits a terminal of 80 columns and 24 lines."""
+
+from math import degrees
+from typing import Final
+
+from rich.console import RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from macor_hil.monitor.watched import Arrivals, Watched
+from macor_hil.telemetry.schemas import Alternative, Decision, Phase, State
+from protocol.commands import SENSORS
+
+_BAR_WIDTH: Final = 32
+_MOST_ALTERNATIVES: Final = 5
+_EIGHTHS: Final = " ▏▎▍▌▋▊▉█"
+_LEVELS: Final = "▁▂▃▄▅▆▇█"
+_PROXIMITY_FULL: Final = 1023
+_SENSORS: Final = tuple(
+    name.replace("left", "L").replace("right", "R").replace("back", "back") for name in SENSORS
+)
+_PHASE_STYLES: Final = {
+    Phase.STARTING: "yellow",
+    Phase.DRIVING: "bold green",
+    Phase.STOPPED: "bold cyan",
+    Phase.FAILED: "bold red",
+}
+
+
+def render(watched: Watched, now: float) -> RenderableType:
+    """The view of a controller.
+
+    Args:
+        watched: what is known.
+        now: the time that ages are counted to, in seconds of the clock of the arrivals.
+    """
+    rows = Table.grid(padding=(0, 1))
+    rows.add_column(style="dim", no_wrap=True, width=13)
+    rows.add_column(no_wrap=True, overflow="ellipsis")
+    rows.add_row("controller", _status(watched))
+    if watched.state:
+        _add_state(rows, watched.state)
+    rows.add_row("frames", _stream(watched.frames, now, f"{watched.frame_bytes / 1000:.1f} kB"))
+    rows.add_row("decisions", _stream(watched.decisions, now, f"{watched.missed} missed"))
+    if watched.decision:
+        _add_decision(rows, watched.decision, list(watched.reinforcements))
+    if watched.trouble:
+        rows.add_row("trouble", Text(_clean(watched.trouble), style="red"))
+    title = f"macor-hil monitor · {_clean(watched.robot)}"
+    return Panel(rows, title=Text(title), border_style="green" if watched.alive else "dim")
+
+
+def spark(values: list[float], width: int = 40) -> str:
+    """A curve of one line, from 0 to the greatest value."""
+    shown = values[-width:]
+    top = max(shown, default=0.0)
+    return "".join(_level(value / top if top > 0.0 else 0.0) for value in shown)
+
+
+def bar(share: float, width: int = _BAR_WIDTH) -> str:
+    """A horizontal bar, `share` of a width in characters."""
+    eighths = round(min(max(share, 0.0), 1.0) * width * 8)
+    full, rest = divmod(eighths, 8)
+    return ("█" * full + (_EIGHTHS[rest] if rest else "")).ljust(width)
+
+
+def _status(watched: Watched) -> Text:
+    if not watched.alive:
+        gone = "it has gone; " if watched.met else ""
+        return Text(f"{gone}waiting for a controller...", style="yellow")
+    if watched.state is None:
+        return Text("there, nothing said yet", style="yellow")
+    state = watched.state
+    text = Text(state.phase.value, style=_PHASE_STYLES[state.phase])
+    text.append(f"  {state.driven} of {state.limit} commands", style="default not bold")
+    if state.reason:
+        text.append(f"  {_clean(state.reason)}", style="default not bold")
+    return text
+
+
+def _add_state(rows: Table, state: State) -> None:
+    rows.add_row("drives", Text(_clean(f"{state.port}, camera {state.camera}")))
+    rows.add_row("by", Text(_clean(f"{state.planner} planner, map {state.map}")))
+
+
+def _stream(arrivals: Arrivals, now: float, extra: str) -> Text:
+    age = arrivals.age(now)
+    if age is None:
+        return Text("none yet", style="dim")
+    rate = arrivals.rate
+    often = "  -  /s" if rate is None else f"{rate:5.1f}/s"
+    return Text(f"{often}  {extra}  last one {age:.1f} s ago")
+
+
+def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) -> None:
+    seen = decision.situation
+    rows.add_row("", "")
+    resonance = (
+        Text("resonates", style="green")
+        if seen.resonant
+        else Text("unknown, the nearest one", style="yellow")
+    )
+    rows.add_row(
+        "situation",
+        Text(f"{seen.node} (neuron {seen.neuron}), match {seen.match:.3f}, ") + resonance,
+    )
+    _add_alternatives(rows, decision)
+    ahead = "  ".join(f"{step.command}→{step.node}" for step in decision.sequence_ahead)
+    length = len(decision.sequence_ahead)
+    rows.add_row("best sequence", Text(_clean(f"{length}: {ahead}" if length else "none")))
+    total = Text(f"last {decision.reinforcement:.2f}  total {decision.total_reinforcement:.2f}  ")
+    total.append(spark(reinforcements, 40), style="green")
+    rows.add_row("reinforcement", total)
+    rows.add_row("infrared", _infrared(decision.infrared))
+    pose, counters = decision.odometry.pose, decision.odometry.counters
+    rows.add_row(
+        "odometry",
+        f"x {pose.x:+.3f} m  y {pose.y:+.3f} m  heading {degrees(pose.heading):+.0f}°"
+        f"  counters {counters[0]} {counters[1]}",
+    )
+    if decision.collided:
+        rows.add_row("", Text("COLLISION", style="bold red"))
+
+
+def _add_alternatives(rows: Table, decision: Decision) -> None:
+    shown = decision.alternatives[:_MOST_ALTERNATIVES]
+    top = max((abs(a.evaluation) for a in shown if a.evaluation is not None), default=0.0)
+    for alternative in shown:
+        driven = alternative.command == decision.command
+        rows.add_row(
+            Text(_clean(alternative.command), style="bold" if driven else "default"),
+            _alternative(alternative, top, driven=driven),
+        )
+
+
+def _alternative(alternative: Alternative, top: float, *, driven: bool) -> Text:
+    value = alternative.evaluation
+    if value is None:
+        text = Text("never tried here".ljust(_BAR_WIDTH + 9), style="dim")
+    else:
+        share = abs(value) / top if top > 0.0 else 0.0
+        text = Text(f"{bar(share)} {value:8.3f}", style="red" if value < 0.0 else "blue")
+    if driven:
+        text.append("  ◀ driven", style="bold green")
+    return text
+
+
+def _infrared(readings: list[int]) -> Table:
+    table = Table.grid(padding=(0, 1))
+    for _ in readings:
+        table.add_column(justify="right", width=6)
+    table.add_row(*(Text(name, style="dim") for name in _SENSORS))
+    table.add_row(
+        *(
+            Text(f"{_level(reading / _PROXIMITY_FULL)} {reading:4}", style=_proximity(reading))
+            for reading in readings
+        )
+    )
+    return table
+
+
+def _proximity(reading: int) -> str:
+    share = reading / _PROXIMITY_FULL
+    return "red" if share > 0.9 else "yellow" if share > 0.3 else "default"
+
+
+def _level(share: float) -> str:
+    index = round(min(max(share, 0.0), 1.0) * (len(_LEVELS) - 1))
+    return _LEVELS[index]
+
+
+def _clean(text: str) -> str:
+    """Text from elsewhere, without what could steer the terminal."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
