@@ -46,7 +46,7 @@ class Uart:
     def __init__(self, baud: int | None) -> None:
         self.lost = 0
         self._receiver_free = self._interpreter_free = self._sender_free = 0.0
-        self._left_at = -1.0
+        self._orphans = 0
         self._unheard = False
         self.baud = baud
         self._splitter = RequestSplitter()
@@ -84,6 +84,7 @@ class Uart:
                 self._held.append(arriving)
             else:
                 self.lost += 1
+                self._take_orphan()
         yield from self._interpret(until)
 
     def send(self, data: bytes, executed: float) -> None:
@@ -158,7 +159,7 @@ class Uart:
     def hang_up(self) -> None:
         """The client leaves: its requests are carried out, but nobody hears the replies."""
         self.clear_replies()
-        self._left_at = self._receiver_free
+        self._orphans = len(self._held) + len(self._receiving)
 
     def clear_replies(self) -> None:
         """Drop what has not reached the client."""
@@ -173,15 +174,22 @@ class Uart:
         self.clear_replies()
         self.lost = 0
         self._receiver_free = self._interpreter_free = self._sender_free = 0.0
-        self._left_at = -1.0
+        self._orphans = 0
 
     def _interpret(self, until: float) -> Iterator[tuple[float, bytes]]:
         # a busy interpreter leaves the bytes in the receive buffer
         while self._held and self._interpreter_free <= until:
             arrival, byte = self._held.popleft()
+            orphan = self._take_orphan()
             line = self._splitter.push(byte)
             if line is not None:
                 start = max(arrival, self._interpreter_free)
                 self._interpreter_free = start + self._busy
-                self._unheard = arrival <= self._left_at
+                self._unheard = orphan
                 yield start, line
+
+    def _take_orphan(self) -> bool:
+        """Count a byte off; returns whether it is of a client that has left."""
+        orphan = self._orphans > 0
+        self._orphans -= orphan
+        return orphan

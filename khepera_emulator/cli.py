@@ -1,0 +1,218 @@
+"""Command line of the emulator."""
+
+import logging
+import os
+import re
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from khepera_emulator.arena import arena_names, load_arena
+from khepera_emulator.clock import Clock
+from khepera_emulator.drift import parse_drift
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.models import KHEPERA, MODELS, find_model
+from khepera_emulator.ports.link import Link
+from khepera_emulator.ports.pty import FIRST_RATE, PtyPort
+from protocol.side_channel import DEFAULT_ENDPOINT
+
+_FAILED: Final = 2
+_STDERR: Final = 2
+_ROBOT = re.compile(r"[A-Za-z0-9_.-]+")
+_BAUD = re.compile(r"[1-9][0-9]{1,6}")
+
+_EXAMPLES = """[bold]Examples[/bold]
+
+A robot in the corridor, its terminal under a name of its own:
+[cyan]khepera-emulator run --link runs/khepera[/cyan]
+
+Talk to it from a shell:
+[cyan]cat runs/khepera & printf 'D,5,5\\n' > runs/khepera[/cyan]
+
+Without drift, ten times faster, on a line that takes no time:
+[cyan]khepera-emulator run --drift none --speed 10 --baud unpaced[/cyan]
+
+A second robot on the same machine:
+[cyan]khepera-emulator run --robot second --link runs/second --listen tcp/127.0.0.1:7449[/cyan]
+"""
+
+app = typer.Typer(
+    help="An emulated Khepera robot on a serial line.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+
+class LogLevel(StrEnum):
+    """How much goes to the standard error output."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+@app.command(epilog=_EXAMPLES)
+def run(
+    arena: Annotated[
+        str, typer.Option(help="Name of an arena (see `arenas`), or path of a TOML file.")
+    ] = "corridor",
+    model: Annotated[str, typer.Option(help=f"Robot: {' or '.join(MODELS)}.")] = KHEPERA.name,
+    seed: Annotated[int, typer.Option(min=0, help="Of all randomness.")] = 0,
+    drift: Annotated[
+        str,
+        typer.Option(
+            metavar="SPEC",
+            help="How far the wheels deceive the encoders: none, default, strong,"
+            " or items such as scale=0.01,slip=0.05.",
+        ),
+    ] = "default",
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=1000.0, help="Time runs so many times faster.")
+    ] = 1.0,
+    baud: Annotated[
+        str,
+        typer.Option(
+            metavar="auto|unpaced|N",
+            help="Rate of the line: the one the client has set; none, the line takes no time;"
+            " or a number of bits a second.",
+        ),
+    ] = "auto",
+    link: Annotated[
+        Path | None, typer.Option(help="Symbolic link to make to the terminal.")
+    ] = None,
+    robot: Annotated[str, typer.Option(metavar="NAME", help="Name in the Zenoh keys.")] = "khepera",
+    listen: Annotated[
+        str, typer.Option(metavar="ENDPOINT", help="Where Zenoh peers find this robot.")
+    ] = DEFAULT_ENDPOINT,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ENDPOINT",
+            help="A Zenoh peer to connect to, now or when it appears; repeatable.",
+        ),
+    ] = None,
+    camera_rate: Annotated[
+        float,
+        typer.Option(min=0.1, max=100.0, help="Frames a second, while someone listens."),
+    ] = 10.0,
+    zenoh: Annotated[
+        bool, typer.Option("--zenoh/--no-zenoh", help="Offer camera, ground truth and reset.")
+    ] = True,
+    log_level: Annotated[LogLevel, typer.Option(help="What to log.")] = LogLevel.WARNING,
+) -> None:
+    """Switch a robot on, and leave it on until Ctrl-C or SIGTERM.
+
+    Prints one line: the robot's name, its terminal, and the link to it.
+    """
+    logging.basicConfig(
+        level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
+    )
+    _load_physics()
+    from khepera_emulator.daemon import Daemon
+    from khepera_emulator.emulator import Emulator, Setup
+    from khepera_emulator.side_channel import SideChannel
+
+    with ExitStack() as stack:
+        setup = Setup(
+            arena=load_arena(arena),
+            model=find_model(model),
+            drift=parse_drift(drift),
+            seed=seed,
+            baud=_parse_baud(baud),
+        )
+        _check_robot(robot)
+        name = stack.enter_context(Link(link) if link else nullcontext())
+        emulator = Emulator(setup)
+        stack.callback(emulator.close)
+        channel = None
+        if zenoh:
+            channel = stack.enter_context(SideChannel(robot, [listen], connect or [], camera_rate))
+        port = PtyPort()
+        stack.callback(port.close)
+        daemon = Daemon(emulator, port, Clock(speed), follow_rate=baud == "auto", channel=channel)
+        stack.enter_context(_signals_call(daemon.stop))
+        if name:
+            name.point_to(port.path)
+        typer.echo(f"{robot} on {port.path}" + (f", link {link}" if link else ""))
+        daemon.run()
+
+
+@app.command()
+def arenas() -> None:
+    """List the arenas that come with the emulator."""
+    names = arena_names()
+    width = max(map(len, names))
+    for name in names:
+        typer.echo(f"{name:{width}}  {load_arena(name).title}")
+
+
+def main() -> None:
+    """Entry point: an error is one sentence and exit status 2."""
+    try:
+        app(prog_name="khepera-emulator")
+    except EmulatorError as error:
+        typer.echo(f"khepera-emulator: {error}", err=True)
+        sys.exit(_FAILED)
+
+
+def _parse_baud(text: str) -> int | None:
+    """Rate to begin with: None for a line that takes no time."""
+    if text == "auto":
+        return FIRST_RATE
+    if text == "unpaced":
+        return None
+    if not _BAUD.fullmatch(text):
+        raise EmulatorError(f"--baud {text}: give auto, unpaced, or a rate such as 38400")
+    return int(text)
+
+
+def _check_robot(name: str) -> None:
+    if not _ROBOT.fullmatch(name):
+        raise EmulatorError(
+            f"--robot {name!r}: a name is made of letters, digits, dots, dashes and underscores"
+        )
+
+
+def _load_physics() -> None:
+    """Load PyBullet, which greets on the standard error output from its C code, without a word.
+
+    Raises:
+        EmulatorError: it is not installed.
+    """
+    kept = os.dup(_STDERR)
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), _STDERR)
+    try:
+        import pybullet  # noqa: F401
+    except ModuleNotFoundError:
+        raise EmulatorError(
+            "the emulator needs PyBullet: pip install 'khepera-macor[emulator]'"
+        ) from None
+    finally:
+        os.dup2(kept, _STDERR)
+        os.close(kept)
+
+
+@contextmanager
+def _signals_call(stop: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the daemon instead of the process, so that all is put away."""
+    wanted = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda *_: stop()) for number in wanted]
+    try:
+        yield
+    finally:
+        for number, handler in zip(wanted, before, strict=True):
+            signal.signal(number, handler)
+
+
+if __name__ == "__main__":
+    main()

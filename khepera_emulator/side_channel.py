@@ -1,0 +1,233 @@
+"""Camera, ground truth and reset of an emulated robot over Zenoh: what never goes on the line.
+
+Zenoh calls back in threads of its own. They only put queries on a list and wake the emulator's
+thread, which answers them between two portions of the serial line.
+"""
+
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from typing import NamedTuple, Self, TypeVar, cast
+
+import cv2
+import zenoh
+from pydantic import ValidationError
+
+from khepera_emulator.emulator import Emulator
+from khepera_emulator.errors import EmulatorError
+from protocol.side_channel import CameraQuery, Payload, Reset, Stamp, robot_key
+from protocol.zenoh_config import zenoh_config
+
+TRUTH_RATE = 10.0
+"""Ground truths a second, published while someone listens."""
+
+_MOST_WAITING = 64
+_ENCODINGS = {"png": zenoh.Encoding.IMAGE_PNG, "jpeg": zenoh.Encoding.IMAGE_JPEG}
+_JPEG_FRAME = CameraQuery(encoding="jpeg").model_dump_json().encode()
+
+_P = TypeVar("_P", bound=Payload)
+
+
+class _Content(NamedTuple):
+    payload: bytes
+    encoding: zenoh.Encoding
+
+
+_Answer = Callable[[Emulator, bytes], _Content]
+
+
+class SideChannel:
+    """Zenoh session of one emulated robot; use as a context.
+
+    Streams keep their rates in real time, whatever the robot's clock does: watching costs the
+    same at any speed.
+
+    Args:
+        robot: its name in the keys.
+        listen: endpoints to listen on.
+        connect: endpoints of peers to connect to, now or when they appear.
+        camera_rate: frames a second of the camera's stream.
+
+    Raises:
+        EmulatorError: an endpoint is malformed or already in use.
+    """
+
+    def __init__(
+        self,
+        robot: str,
+        listen: Sequence[str],
+        connect: Sequence[str] = (),
+        camera_rate: float = 10.0,
+    ) -> None:
+        self._waiting: deque[tuple[_Replier, zenoh.Query]] = deque()
+        with ExitStack() as stack:
+            self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+            stack.callback(os.close, self._wake)
+            session = stack.enter_context(_open_session(listen, connect))
+            for leaf, answer in (("camera", _camera), ("truth", _truth), ("reset", _reset)):
+                key = robot_key(robot, leaf)
+                session.declare_queryable(key, self._enqueue(_Replier(key, answer)))
+            self._streams = [
+                _Stream(_publisher(session, robot_key(robot, leaf)), rate, answer, request)
+                for leaf, rate, answer, request in (
+                    ("camera", camera_rate, _camera, _JPEG_FRAME),
+                    ("truth", TRUTH_RATE, _truth, b""),
+                )
+            ]
+            self._alive = session.liveliness().declare_token(robot_key(robot, "alive"))
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def fileno(self) -> int:
+        """Descriptor that becomes readable when a query has come."""
+        return self._wake
+
+    def delay(self) -> float:
+        """Real seconds until `serve` is due; 0 when it is."""
+        if self._waiting:
+            return 0.0
+        return max(0.0, min(stream.next for stream in self._streams) - time.monotonic())
+
+    def serve(self, emulator: Emulator) -> None:
+        """Answer one query and publish what is due, all as of `emulator.now`."""
+        with suppress(BlockingIOError):
+            os.eventfd_read(self._wake)
+        if self._waiting:
+            replier, query = self._waiting.popleft()
+            with query:
+                replier.reply(query, emulator)
+        for stream in self._streams:
+            stream.publish_if_due(emulator)
+
+    def _enqueue(self, replier: "_Replier") -> Callable[[zenoh.Query], None]:
+        def enqueue(query: zenoh.Query) -> None:
+            if len(self._waiting) >= _MOST_WAITING:
+                with query:
+                    query.reply_err(f"{_MOST_WAITING} queries wait already; ask less often")
+                return
+            self._waiting.append((replier, query))
+            os.eventfd_write(self._wake, 1)
+
+        return enqueue
+
+
+class _Replier:
+    """Answers the queries on one key."""
+
+    def __init__(self, key: str, answer: _Answer) -> None:
+        self._key = key
+        self._answer = answer
+        self._sequence = 0
+
+    def reply(self, query: zenoh.Query, emulator: Emulator) -> None:
+        request = query.payload.to_bytes() if query.payload is not None else b""
+        try:
+            content = self._answer(emulator, request)
+        except EmulatorError as error:
+            query.reply_err(str(error), encoding=zenoh.Encoding.TEXT_PLAIN)
+            return
+        query.reply(
+            self._key,
+            content.payload,
+            encoding=content.encoding,
+            attachment=_stamp(self._sequence, emulator),
+        )
+        self._sequence += 1
+
+
+class _Stream:
+    """Publishes one kind of sample at a rate, made only while someone listens.
+
+    Attributes:
+        next: when the next sample is due, in seconds of `time.monotonic`.
+    """
+
+    def __init__(
+        self, publisher: zenoh.Publisher, rate: float, answer: _Answer, request: bytes
+    ) -> None:
+        self.next = time.monotonic()
+        self._publisher = publisher
+        self._period = 1.0 / rate
+        self._answer = answer
+        self._request = request
+        self._sequence = 0
+
+    def publish_if_due(self, emulator: Emulator) -> None:
+        now = time.monotonic()
+        if now < self.next:
+            return
+        self.next = max(self.next + self._period, now)  # what is missed is not made up for
+        # the library's type stub says bool
+        status = cast(zenoh.MatchingStatus, self._publisher.matching_status)
+        if not status.matching:
+            return
+        content = self._answer(emulator, self._request)
+        self._publisher.put(
+            content.payload,
+            encoding=content.encoding,
+            attachment=_stamp(self._sequence, emulator),
+        )
+        self._sequence += 1
+
+
+def _camera(emulator: Emulator, request: bytes) -> _Content:
+    query = _parse(CameraQuery, request)
+    image = emulator.panorama() if query.view == "panorama" else emulator.mirror_image()
+    done, data = cv2.imencode(f".{query.encoding}", image)
+    if not done:
+        raise EmulatorError(f"OpenCV cannot encode an image as {query.encoding}")
+    return _Content(data.tobytes(), _ENCODINGS[query.encoding])
+
+
+def _truth(emulator: Emulator, _: bytes) -> _Content:
+    return _json(emulator.truth())
+
+
+def _reset(emulator: Emulator, request: bytes) -> _Content:
+    return _json(emulator.reset(_parse(Reset, request)))
+
+
+def _parse(kind: type[_P], request: bytes) -> _P:
+    try:
+        return kind.model_validate_json(request or b"{}")
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "the payload"
+        raise EmulatorError(f"{place}: {first['msg']}") from None
+
+
+def _json(payload: Payload) -> _Content:
+    return _Content(payload.model_dump_json().encode(), zenoh.Encoding.APPLICATION_JSON)
+
+
+def _stamp(sequence: int, emulator: Emulator) -> str:
+    return Stamp(sequence=sequence, time=emulator.now).model_dump_json()
+
+
+def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
+
+
+def _open_session(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Session:
+    try:
+        return zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect)))
+    except zenoh.ZError as error:
+        where = ", ".join(listen)
+        if "Address already in use" in str(error):
+            raise EmulatorError(
+                f"another program listens on {where} already; give another --listen endpoint,"
+                " or --no-zenoh"
+            ) from None
+        # the library's text ends with places in its own source
+        reason = str(error).partition(" at /")[0]
+        raise EmulatorError(
+            f"cannot open a Zenoh session on {where}: {reason}; an endpoint looks like"
+            " tcp/127.0.0.1:7447"
+        ) from None

@@ -1,0 +1,54 @@
+"""`khepera-emulator run` as a process of its own, for tests that need the real thing."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+COMMAND = (sys.executable, "-m", "khepera_emulator.cli", "run")
+PATIENCE = 30.0
+"""Seconds after which a test gives up waiting for what must come."""
+
+
+class EmulatorProcess:
+    """A running emulator; `announcement` is the line it printed, `path` its terminal."""
+
+    def __init__(self, *options: str) -> None:
+        self.process = subprocess.Popen(
+            [*COMMAND, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        self.announcement = self.process.stdout.readline().rstrip("\n")
+        if not self.announcement:
+            raise AssertionError(self.process.communicate()[1])
+        self.path = self.announcement.partition(" on ")[2].partition(",")[0]
+
+    def end(self, number: int = signal.SIGTERM) -> tuple[int, str]:
+        """Send a signal and wait; returns exit status and the standard error output."""
+        if self.process.poll() is None:
+            os.kill(self.process.pid, number)
+        _, said = self.process.communicate(timeout=PATIENCE)
+        return self.process.returncode, said
+
+
+@contextmanager
+def emulator(*options: str) -> Iterator[EmulatorProcess]:
+    running = EmulatorProcess(*options)
+    try:
+        yield running
+    finally:
+        running.end()
+
+
+def free_endpoint() -> str:
+    """A Zenoh endpoint on this machine that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def link_options(folder: Path) -> tuple[str, ...]:
+    return ("--no-zenoh", "--link", str(folder / "khepera"))

@@ -1,0 +1,390 @@
+"""The emulator as a process on a real pseudo-terminal, with the habits of real clients."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+import serial
+from emulator_process import COMMAND, PATIENCE, EmulatorProcess, emulator, link_options
+
+import khepera_emulator  # noqa: F401 - registers khepera://
+from khepera_emulator.arena import load_arena
+from khepera_emulator.cli import main
+from khepera_emulator.clock import Clock
+from khepera_emulator.daemon import Daemon
+from khepera_emulator.drift import PRESETS
+from khepera_emulator.emulator import Emulator, Setup
+from khepera_emulator.ports.pty import PtyPort
+from khepera_emulator.uart import INTERPRETER_TIME
+from protocol.units import wire_time
+
+VERSION = b"b,5.01,5.00\r\n"
+
+
+@pytest.fixture(scope="module")
+def paced(tmp_path_factory):
+    """An emulator at 9600 with a link."""
+    with emulator(
+        *link_options(tmp_path_factory.mktemp("paced")), "--baud", "9600", "--drift", "none"
+    ) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def unpaced():
+    with emulator("--no-zenoh", "--baud", "unpaced", "--drift", "none") as running:
+        yield running
+
+
+def link_of(running):
+    return running.announcement.partition("link ")[2]
+
+
+def connect(running, **settings):
+    return serial.Serial(running.path, timeout=PATIENCE, **settings)
+
+
+def ask(port, request):
+    port.write(request)
+    return port.read_until(b"\n")
+
+
+def counters(port):
+    left, right = ask(port, b"H\n").decode().strip().split(",")[1:]
+    return int(left), int(right)
+
+
+class TestClients:
+    def test_open_the_link_that_was_announced(self, paced):
+        link = link_of(paced)
+        assert paced.announcement == f"khepera on {paced.path}, link {link}"
+        assert str(Path(link).readlink()) == paced.path
+        with serial.Serial(link, timeout=PATIENCE) as port:
+            assert ask(port, b"B\n") == VERSION
+
+    def test_may_be_a_shell(self, paced):
+        script = (
+            'exec 3<>"$0"; stty raw -echo <&3; printf "B\\n" >&3;'
+            ' IFS= read -r reply <&3; printf "%s\\n" "$reply"'
+        )
+        done = subprocess.run(
+            ["sh", "-c", script, link_of(paced)], capture_output=True, timeout=PATIENCE, check=True
+        )
+        assert done.stdout == VERSION
+
+    def test_may_write_and_read_through_different_openings(self, paced):
+        with connect(paced) as reader:
+            subprocess.run(
+                ["sh", "-c", 'printf "B\\n" > "$0"', link_of(paced)], timeout=PATIENCE, check=True
+            )
+            assert reader.read_until(b"\n") == VERSION
+
+    @pytest.mark.parametrize("end", [b"\n", b"\r", b"\r\n"])
+    def test_may_end_lines_as_they_like(self, paced, end):
+        with connect(paced) as port:
+            assert ask(port, b"B" + end) == VERSION
+            assert ask(port, b"L,0,1" + end) == b"l\r\n"
+
+    def test_may_write_byte_by_byte(self, paced):
+        with connect(paced) as port:
+            for byte in b"G,12,-3\nH\n":
+                port.write(bytes([byte]))
+                port.flush()
+            assert port.read_until(b"\n") == b"g\r\n"
+            assert port.read_until(b"\n") == b"h,12,-3\r\n"
+
+    def test_may_send_requests_back_to_back(self, paced):
+        with connect(paced) as port:
+            port.write(b"B\nX\n\r\nD,0,0\n")
+            replies = [port.read_until(b"\n") for _ in range(3)]
+        assert replies == [VERSION, b"Command not found\r\n", b"d\r\n"]
+
+    def test_find_no_reply_to_the_one_before(self, paced):
+        for _ in range(5):
+            with connect(paced) as port:
+                port.write(b"N\n" * 4)
+                assert port.read(1) == b"n"  # the rest is on its way or still to be made
+            with connect(paced) as port:
+                assert ask(port, b"B\n") == VERSION
+
+    def test_find_no_reply_to_the_one_before_without_wire_time(self, unpaced):
+        for _ in range(20):
+            with connect(unpaced) as port:
+                port.write(b"N\n" * 4)
+                assert port.read(1) == b"n"
+            with connect(unpaced) as port:
+                assert ask(port, b"B\n") == VERSION
+
+    def test_may_be_killed(self, unpaced):
+        victim = subprocess.Popen(
+            [
+                *(sys.executable, "-c"),
+                "import serial, sys\n"
+                "port = serial.Serial(sys.argv[1], timeout=None)\n"
+                "port.write(b'D,5,5\\n'); port.read(3); print(flush=True); port.read(1)\n",
+                unpaced.path,
+            ],
+            stdout=subprocess.PIPE,
+        )
+        victim.stdout.readline()
+        victim.kill()
+        victim.communicate(timeout=PATIENCE)
+        with connect(unpaced) as port:
+            first = counters(port)
+            # no watchdog: the robot drives on
+            deadline = time.monotonic() + PATIENCE
+            while counters(port) <= first and time.monotonic() < deadline:
+                pass
+            assert counters(port) > first
+            assert ask(port, b"D,0,0\n") == b"d\r\n"
+
+    def test_may_set_modem_lines_as_far_as_a_terminal_has_them(self, unpaced):
+        with connect(unpaced, baudrate=115200, stopbits=serial.STOPBITS_TWO) as port:
+            port.reset_input_buffer()
+            port.reset_output_buffer()
+            port.send_break(0)
+            assert ask(port, b"B\n") == VERSION
+
+
+class TestWireTime:
+    """Lower bounds only: a busy machine may always be late."""
+
+    @staticmethod
+    def duration(port, request):
+        start = time.monotonic()
+        reply = ask(port, request)
+        return time.monotonic() - start, len(request) + len(reply)
+
+    @pytest.mark.parametrize("request_line", [b"N\n", b"B\n", b"D,0,0\n"])
+    def test_no_reply_is_early_at_a_fixed_rate(self, paced, request_line):
+        with connect(paced, baudrate=115200) as port:
+            for _ in range(3):
+                took, characters = self.duration(port, request_line)
+                assert took >= wire_time(characters, 9600) + INTERPRETER_TIME
+
+    def test_rate_follows_the_client(self):
+        with emulator("--no-zenoh") as running:
+            for rate in (1200, 9600, 38400):
+                with connect(running, baudrate=rate) as port:
+                    took, characters = self.duration(port, b"B\n")
+                    assert took >= wire_time(characters, rate) + INTERPRETER_TIME
+
+    def test_runs_faster_with_the_clock(self):
+        with (
+            emulator("--no-zenoh", "--speed", "20", "--baud", "300") as running,
+            connect(running) as port,
+        ):
+            took, characters = self.duration(port, b"B\n")
+        assert took >= (wire_time(characters, 300) + INTERPRETER_TIME) / 20
+        assert took < wire_time(characters, 300)
+
+
+class TestSameRobotAsInProcess:
+    # What a robot at rest says does not depend on when it is asked, except for the sensors'
+    # noise: that changes with every scan of 20 ms. At 9600 an N takes longer than a scan lasts,
+    # so each N and each O reads a scan of its own, and the draws come in the same order.
+    SCRIPT = (
+        b"B A,3000,700,90 D,0,0 G,5,-7 H E K N N O N J,10,32,10,32 F,3000,20,4000 L,0,1 L,1,2"
+        b" I,0 I,9 P,0,0 R,3 W,1,3 T,1,B D,1 M C restart H"
+    ).split()
+
+    @pytest.mark.parametrize("model", ["khepera", "khepera2"])
+    def test_gives_the_same_replies(self, model):
+        with (
+            emulator("--no-zenoh", "--seed", "1", "--model", model, "--baud", "9600") as running,
+            connect(running) as there,
+            serial.serial_for_url(f"khepera://corridor?seed=1&model={model}", timeout=1) as here,
+        ):
+            for request in self.SCRIPT:
+                expected = ask(here, request + b"\n")
+                assert ask(there, request + b"\n") == expected
+                if request == b"restart":
+                    assert there.read_until(b"\n") == here.read_until(b"\n")
+
+
+class TestEnd:
+    @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+    def test_signal_ends_it_cleanly(self, tmp_path, number):
+        running = EmulatorProcess(*link_options(tmp_path))
+        assert [entry.name for entry in sorted(tmp_path.iterdir())] == ["khepera", "khepera.lock"]
+        assert running.end(number) == (0, "")
+        assert list(tmp_path.iterdir()) == []
+
+    def test_client_is_told(self, tmp_path):
+        running = EmulatorProcess(*link_options(tmp_path))
+        with connect(running) as port:
+            running.end()
+            with pytest.raises(serial.SerialException, match=r"read failed|no data"):
+                port.read(1)
+
+    def test_link_in_use_is_refused_and_kept(self, paced):
+        second = subprocess.run(
+            [*COMMAND, "--no-zenoh", "--link", link_of(paced)],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+        )
+        assert second.returncode == 2
+        assert second.stdout == ""
+        assert second.stderr == (
+            f"khepera-emulator: the link {link_of(paced)} is held by an emulator that is running;"
+            " end that one, or give another --link\n"
+        )
+        with serial.Serial(link_of(paced), timeout=PATIENCE) as port:
+            assert ask(port, b"B\n") == VERSION
+
+    def test_link_of_a_killed_emulator_is_taken_over(self, tmp_path):
+        EmulatorProcess(*link_options(tmp_path)).end(signal.SIGKILL)
+        assert (tmp_path / "khepera").is_symlink()
+        with (
+            emulator(*link_options(tmp_path)),
+            serial.Serial(str(tmp_path / "khepera"), timeout=PATIENCE) as port,
+        ):
+            assert ask(port, b"B\n") == VERSION
+
+
+class TestCommandLine:
+    @staticmethod
+    def run(monkeypatch, capfd, *arguments):
+        monkeypatch.setattr(sys, "argv", ["khepera-emulator", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capfd.readouterr()
+        return ended.value.code, out, err
+
+    @pytest.mark.parametrize(
+        ("options", "sentence"),
+        [
+            (["--arena", "nowhere"], "unknown arena 'nowhere'"),
+            (["--model", "e-puck"], "unknown robot model 'e-puck'"),
+            (["--drift", "much"], "cannot read the drift 'much'"),
+            (["--baud", "fast"], "--baud fast: give auto, unpaced, or a rate such as 38400"),
+            (["--robot", "a/b"], "--robot 'a/b': a name is made of letters"),
+            (["--zenoh", "--listen", "nonsense"], "cannot open a Zenoh session on nonsense"),
+        ],
+    )
+    def test_error_is_one_sentence_and_leaves_nothing(
+        self, monkeypatch, capfd, tmp_path, options, sentence
+    ):
+        status, out, err = self.run(monkeypatch, capfd, "run", *link_options(tmp_path), *options)
+        assert (status, out) == (2, "")
+        assert err.startswith(f"khepera-emulator: {sentence}")
+        assert err.count("\n") == 1
+        assert list(tmp_path.iterdir()) == []
+
+    def test_file_at_the_place_of_the_link_is_kept(self, monkeypatch, capfd, tmp_path):
+        (tmp_path / "khepera").write_text("precious")
+        status, _, err = self.run(monkeypatch, capfd, "run", *link_options(tmp_path))
+        assert status == 2
+        assert "exists and is not a link" in err
+        assert (tmp_path / "khepera").read_text() == "precious"
+
+    def test_arenas_are_listed_with_their_titles(self, monkeypatch, capfd):
+        status, out, _ = self.run(monkeypatch, capfd, "arenas")
+        assert status == 0
+        assert f"corridor  {load_arena('corridor').title}\n" in out.replace("   ", " ")
+
+    def test_help_has_examples(self, monkeypatch, capfd):
+        status, out, _ = self.run(monkeypatch, capfd, "run", "--help")
+        assert status == 0
+        assert "khepera-emulator run --link runs/khepera" in out
+
+
+class TestClock:
+    def test_runs_at_its_speed(self):
+        real = [100.0]
+        clock = Clock(4.0, lambda: real[0])
+        assert clock.now == 0.0
+        real[0] += 2.0
+        assert clock.now == 8.0
+        assert clock.delay(10.0) == 0.5
+        assert clock.delay(7.0) == 0.0
+
+    def test_stands_still_when_told(self):
+        real = [100.0]
+        clock = Clock(4.0, lambda: real[0])
+        real[0] += 2.0
+        clock.fall_back(3.0)
+        assert clock.now == 5.0
+
+
+@contextmanager
+def in_thread(baud, clock):
+    """A daemon in this process, to look into its robot afterwards."""
+    emulated = Emulator(Setup(load_arena("corridor"), drift=PRESETS["none"], baud=baud))
+    port = PtyPort()
+    daemon = Daemon(emulated, port, clock, follow_rate=False)
+    thread = threading.Thread(target=daemon.run)
+    thread.start()
+    try:
+        yield port, emulated
+    finally:
+        daemon.stop()
+        thread.join(PATIENCE)
+        port.close()
+        emulated.close()
+
+
+class TestLimits:
+    def test_robot_stands_still_while_its_process_is_stopped(self):
+        stopped = 0.0
+        clock = Clock(source=lambda: time.monotonic() + stopped)
+        with (
+            in_thread(None, clock) as (port, _),
+            serial.Serial(port.path, timeout=PATIENCE) as client,
+        ):
+            assert ask(client, b"D,1,1\n") == b"d\r\n"
+            stopped = 3600.0
+            assert max(counters(client)) < 1000  # an hour would be 360,000
+
+    def test_client_that_writes_without_end_is_held_back_by_the_line(self):
+        with in_thread(300, Clock()) as (port, emulated):
+            terminal = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            with suppress(BlockingIOError):
+                for _ in range(10_000):
+                    os.write(terminal, b"\n" * 100)
+                pytest.fail("a megabyte went into a line of 300 bits a second")
+            assert emulated.uart.arriving() <= 256
+            os.close(terminal)
+
+    def test_client_that_never_reads_neither_stops_the_robot_nor_reaches_the_next(self):
+        with in_thread(None, Clock()) as (port, emulated):
+            with serial.Serial(port.path, write_timeout=PATIENCE) as client:
+                deadline = time.monotonic() + PATIENCE
+                while port.dropped < 100_000:
+                    client.write(b"B\n" * 100)
+                    assert time.monotonic() < deadline
+            with serial.Serial(port.path, timeout=PATIENCE) as client:
+                assert ask(client, b"H\n") == b"h,0,0\r\n"
+            assert emulated.uart.queued() == 0
+
+    def test_many_clients_that_leave_at_once_do_not_fill_the_memory(self):
+        with in_thread(300, Clock()) as (port, emulated):
+            for _ in range(50):
+                terminal = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+                with suppress(BlockingIOError):
+                    os.write(terminal, b"\n" * 4000)
+                os.close(terminal)
+            deadline = time.monotonic() + PATIENCE
+            while emulated.uart.arriving() < 4000:
+                assert time.monotonic() < deadline
+            assert emulated.uart.arriving() < 10_000
+
+
+class TestHangUp:
+    @pytest.mark.parametrize("baud", [None, 9600])
+    def test_requests_are_carried_out_but_not_answered(self, baud):
+        emulated = Emulator(Setup(load_arena("corridor"), baud=baud))
+        emulated.write(b"G,7,8\nH\nX\n")
+        emulated.advance(0.003)
+        emulated.hang_up()
+        emulated.write(b"H\n")
+        emulated.advance(1.0)
+        assert emulated.read() == b"h,7,8\r\n"
+        emulated.close()

@@ -1,0 +1,273 @@
+"""The pseudo-terminal as a client's bytes, openings and closings reach it, and its link."""
+
+import fcntl
+import os
+import struct
+import termios
+import tty
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.ports.link import Link
+from khepera_emulator.ports.pty import PtyPort
+
+MUCH = 4096
+
+
+@pytest.fixture
+def port():
+    port = PtyPort()
+    yield port
+    port.close()
+
+
+@contextmanager
+def client(port, flags=os.O_RDWR):
+    terminal = os.open(port.path, flags | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        yield terminal
+    finally:
+        os.close(terminal)
+
+
+def unread(terminal):
+    data = b""
+    with suppress(BlockingIOError):
+        while True:
+            data += os.read(terminal, 1 << 16)
+    return data
+
+
+def received(port, limit=MUCH):
+    """All that clients have done by now."""
+    chunks = []
+    while more := port.receive(limit):
+        chunks += more
+    return chunks
+
+
+class TestBytes:
+    def test_pass_unchanged_in_both_directions(self, port):
+        every_byte = bytes(range(256))
+        with client(port) as terminal:
+            os.write(terminal, every_byte)
+            assert port.receive(MUCH) == [every_byte]
+            port.write(every_byte)
+            assert unread(terminal) == every_byte
+
+    def test_beyond_the_limit_stay_with_the_client(self, port):
+        with client(port) as terminal:
+            os.write(terminal, b"abcdef")
+            assert port.receive(0) == []
+            assert port.receive(4) == [b"abcd"]
+            assert port.receive(4) == [b"ef"]
+
+    def test_that_nobody_reads_are_dropped_and_counted(self, port):
+        with client(port) as terminal:
+            for _ in range(1000):
+                port.write(b"x" * 100)
+            assert port.dropped > 50_000
+            kept = len(unread(terminal))
+            assert kept + port.dropped == 100_000
+
+    def test_nothing_happens_without_a_client(self, port):
+        assert port.receive(MUCH) == []
+        assert port.receive(MUCH) == []
+
+
+class TestClients:
+    def test_leave_after_their_last_byte(self, port):
+        with client(port) as terminal:
+            os.write(terminal, b"N\n")
+        assert received(port) == [b"N\n", b""]
+
+    def test_leave_after_the_bytes_that_the_limit_keeps_back(self, port):
+        with client(port) as terminal:
+            os.write(terminal, b"abcdef")
+            assert port.receive(2) == [b"ab"]
+            assert port.receive(0) == []
+        assert received(port, 2) == [b"cdef", b""]
+
+    def test_that_only_look_in_do_nothing(self, port):
+        for flags in (os.O_RDONLY, os.O_RDWR):
+            with client(port, flags):
+                assert received(port) == []
+            assert received(port) == []
+
+    def test_have_not_left_while_another_is_there(self, port):
+        with client(port) as reader:
+            for request in (b"N\n", b"O\n"):
+                with client(port) as writer:
+                    os.write(writer, request)
+                assert received(port) == [request]
+                port.write(b"reply\r\n")
+            with client(port):
+                pass
+            with client(port):
+                assert received(port) == []
+            assert unread(reader) == b"reply\r\nreply\r\n"
+        assert received(port) == [b""]
+
+    def test_that_follow_each_other_unseen_are_told_apart(self, port):
+        with client(port) as first:
+            os.write(first, b"N\n")
+            assert received(port) == [b"N\n"]
+            port.write(b"stale\r\n")
+            os.write(first, b"O\nE\n")
+        with client(port) as second:
+            os.write(second, b"B\n")
+            assert received(port) == [b"O\nE\n", b"", b"B\n"]
+            assert unread(second) == b""
+        assert received(port) == [b""]
+
+    def test_that_have_not_written_yet_get_none_of_their_predecessors_bytes(self, port):
+        for _ in range(2):
+            with client(port) as first:
+                os.write(first, b"N\nO\n")
+            with client(port) as second:
+                assert received(port) == [b"N\nO\n", b""]
+                os.write(second, b"B\n")
+                assert received(port) == [b"B\n"]
+            assert received(port) == [b""]
+
+    @pytest.mark.parametrize("size", [10, 100_000])
+    def test_find_no_stale_bytes(self, port, size):
+        with client(port) as terminal:
+            os.write(terminal, b"N\n")
+            assert received(port) == [b"N\n"]
+            for _ in range(size // 10):
+                port.write(b"0123456789")
+        assert received(port) == [b""]
+        with client(port) as terminal:
+            assert unread(terminal) == b""
+            os.write(terminal, b"N\n")
+            assert received(port) == [b"N\n"]
+            port.write(b"fresh")
+            assert unread(terminal) == b"fresh"
+
+    def test_may_come_and_go_often(self, port):
+        for turn in range(100):
+            with client(port) as terminal:
+                os.write(terminal, b"%d\n" % turn)
+            assert received(port) == [b"%d\n" % turn, b""]
+
+
+class TestSettings:
+    def test_begin_raw_at_9600(self, port):
+        with client(port) as terminal:
+            _, output, _, local, _, rate, _ = termios.tcgetattr(terminal)
+            assert rate == termios.B9600
+            assert not output & termios.OPOST
+            assert not local & (termios.ECHO | termios.ICANON)
+        assert port.rate() == 9600
+
+    @pytest.mark.parametrize("rate", [1200, 9600, 19200, 38400, 57600, 115200])
+    def test_rate_is_the_clients(self, port, rate):
+        with client(port) as terminal:
+            settings = termios.tcgetattr(terminal)
+            settings[4] = settings[5] = getattr(termios, f"B{rate}")
+            termios.tcsetattr(terminal, termios.TCSANOW, settings)
+            assert port.rate() == rate
+        received(port)
+        assert port.rate() == rate  # as `stty` wants it
+
+    def test_rate_without_a_name_is_none(self, port):
+        with client(port) as terminal:
+            settings = termios.tcgetattr(terminal)
+            settings[4] = settings[5] = termios.B0
+            termios.tcsetattr(terminal, termios.TCSANOW, settings)
+            assert port.rate() is None
+
+    @pytest.mark.parametrize("request_line", [b"", b"N\n"])
+    def test_end_with_the_client_that_set_them(self, port, request_line):
+        with client(port) as terminal:
+            settings = termios.tcgetattr(terminal)
+            settings[3] |= termios.ECHO | termios.ICANON
+            settings[6][termios.VMIN] = 0
+            termios.tcsetattr(terminal, termios.TCSANOW, settings)
+            fcntl.ioctl(terminal, termios.TIOCEXCL)
+            os.write(terminal, request_line)
+        received(port)
+        with client(port) as terminal:
+            assert not is_exclusive(terminal)
+            assert termios.tcgetattr(terminal)[6][termios.VMIN] == 1
+            port.write(b"d\r\n")
+            assert received(port) == []
+            assert unread(terminal) == b"d\r\n"
+
+    def test_modem_lines_flushes_and_breaks_do_no_harm(self, port):
+        with client(port) as terminal:
+            tty.setraw(terminal)
+            termios.tcflush(terminal, termios.TCIOFLUSH)
+            termios.tcdrain(terminal)
+            termios.tcsendbreak(terminal, 0)
+            os.write(terminal, b"B\n")
+            assert port.receive(MUCH) == [b"B\n"]
+
+
+def is_exclusive(terminal):
+    return struct.unpack("i", fcntl.ioctl(terminal, 0x80045440, bytes(4)))[0] == 1
+
+
+class TestLink:
+    def test_points_to_the_terminal_and_goes_with_its_holder(self, tmp_path):
+        path = tmp_path / "runs" / "khepera"
+        with Link(path) as link:
+            link.point_to("/dev/pts/77")
+            assert path.readlink() == Path("/dev/pts/77")
+        assert list(path.parent.iterdir()) == []
+
+    def test_is_turned_in_one_step(self, tmp_path):
+        path = tmp_path / "khepera"
+        with Link(path) as link:
+            link.point_to("/dev/pts/77")
+            link.point_to("/dev/pts/78")
+            assert path.readlink() == Path("/dev/pts/78")
+
+    def test_of_a_dead_emulator_is_taken_over(self, tmp_path):
+        path = tmp_path / "khepera"
+        path.symlink_to("/dev/pts/77")
+        (tmp_path / "khepera.lock").touch()
+        with Link(path) as link:
+            link.point_to("/dev/pts/78")
+            assert path.readlink() == Path("/dev/pts/78")
+
+    def test_has_one_holder_at_a_time(self, tmp_path):
+        path = tmp_path / "khepera"
+        with Link(path) as link:
+            link.point_to("/dev/pts/77")
+            with pytest.raises(EmulatorError, match="held by an emulator that is running"):
+                Link(path)
+            assert path.readlink() == Path("/dev/pts/77")
+        with Link(path):
+            pass
+
+    def test_turned_elsewhere_is_left_alone(self, tmp_path):
+        path = tmp_path / "khepera"
+        with Link(path) as link:
+            link.point_to("/dev/pts/77")
+            path.unlink()
+            path.symlink_to("/dev/pts/78")
+        assert path.readlink() == Path("/dev/pts/78")
+
+    @pytest.mark.parametrize("kind", ["file", "folder", "foreign link"])
+    def test_never_replaces_anything_else(self, tmp_path, kind):
+        path = tmp_path / "khepera"
+        if kind == "file":
+            path.write_text("precious")
+        elif kind == "folder":
+            path.mkdir()
+        else:
+            path.symlink_to("/dev/ttyUSB0")
+        with pytest.raises(EmulatorError, match="give another --link"):
+            Link(path)
+        assert [entry.name for entry in tmp_path.iterdir()] == ["khepera"]
+        assert kind != "file" or path.read_text() == "precious"
+
+    def test_below_a_file_cannot_be(self, tmp_path):
+        (tmp_path / "file").touch()
+        with pytest.raises(EmulatorError, match="cannot make the link"):
+            Link(tmp_path / "file" / "khepera")

@@ -1,0 +1,237 @@
+"""Camera, ground truth and reset over Zenoh, as another process sees them."""
+
+import json
+import subprocess
+from contextlib import contextmanager
+from math import isclose
+from queue import Queue
+
+import cv2
+import numpy as np
+import pytest
+import serial
+import zenoh
+from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
+
+from khepera_emulator.arena import load_arena
+from protocol.mirror import Mirror
+from protocol.side_channel import Stamp, Truth
+from protocol.zenoh_config import zenoh_config
+
+START = load_arena("corridor").start
+
+
+@contextmanager
+def session(listen=(), connect=()):
+    with zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect))) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def endpoint():
+    """Where an emulator listens."""
+    place = free_endpoint()
+    with emulator(*("--listen", place, "--seed", "1", "--camera-rate", "50")):
+        yield place
+
+
+@pytest.fixture
+def peer(endpoint):
+    """A session that knows the emulator."""
+    with session(connect=[endpoint]) as opened:
+        wait_for(opened, "khepera/khepera/alive")
+        yield opened
+
+
+def wait_for(opened, key):
+    """Return when a liveliness token is there."""
+    alive = Queue()
+    with opened.liveliness().declare_subscriber(key, alive.put, history=True):
+        assert alive.get(timeout=PATIENCE).kind == zenoh.SampleKind.PUT
+
+
+def query(peer, leaf, payload=None):
+    (reply,) = peer.get(f"khepera/khepera/{leaf}", payload=payload, timeout=PATIENCE)
+    return reply
+
+
+def sample_of(peer, leaf, payload=None):
+    reply = query(peer, leaf, payload)
+    assert reply.ok is not None, reply.err.payload.to_string()
+    return reply.ok
+
+
+def refusal_of(peer, leaf, payload):
+    reply = query(peer, leaf, payload)
+    assert reply.ok is None
+    return reply.err.payload.to_string()
+
+
+def truth_of(sample):
+    assert sample.encoding == zenoh.Encoding.APPLICATION_JSON
+    return Truth.model_validate_json(sample.payload.to_bytes())
+
+
+def stamp_of(sample):
+    return Stamp.model_validate_json(sample.attachment.to_bytes())
+
+
+def decode(sample):
+    return cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_COLOR)
+
+
+class TestCamera:
+    @pytest.mark.parametrize("request_payload", [None, "{}", '{"view": "mirror"}'])
+    def test_gives_a_lossless_mirror_image(self, peer, request_payload):
+        sample = sample_of(peer, "camera", request_payload)
+        assert sample.encoding == zenoh.Encoding.IMAGE_PNG
+        image = decode(sample)
+        assert image.shape == (Mirror().height, Mirror().width, 3)
+        assert not image[0, 0].any()  # outside the mirror
+        assert image[Mirror().height // 4, Mirror().width // 2].any()
+
+    def test_gives_a_panorama_as_jpeg(self, peer):
+        sample = sample_of(peer, "camera", '{"view": "panorama", "encoding": "jpeg"}')
+        assert sample.encoding == zenoh.Encoding.IMAGE_JPEG
+        height, width, _ = decode(sample).shape
+        assert width > height
+
+    def test_shows_the_moment_of_the_query(self, peer):
+        sample_of(peer, "reset", json.dumps({"seed": 3}))
+        ahead = decode(sample_of(peer, "camera")).astype(int)
+        again = decode(sample_of(peer, "camera")).astype(int)
+        place = {"x": START.x, "y": START.y, "heading": 1.5}
+        sample_of(peer, "reset", json.dumps({"pose": place}))
+        aside = decode(sample_of(peer, "camera")).astype(int)
+        assert abs(aside - ahead).mean() > 3 * abs(again - ahead).mean()
+
+    @pytest.mark.parametrize(
+        ("payload", "sentence"),
+        [
+            ('{"view": "telescope"}', "view: String should match pattern"),
+            ('{"zoom": 2}', "zoom: Extra inputs are not permitted"),
+            ("no JSON", "the payload: Invalid JSON"),
+            (b"\xff\xfe", "the payload: Invalid JSON"),
+        ],
+    )
+    def test_refuses_what_it_does_not_understand(self, peer, payload, sentence):
+        assert refusal_of(peer, "camera", payload).startswith(sentence)
+
+    def test_streams_numbered_frames_while_someone_listens(self, peer):
+        frames = Queue()
+        with peer.declare_subscriber("khepera/khepera/camera", frames.put):
+            seen = [frames.get(timeout=PATIENCE) for _ in range(3)]
+        assert {str(frame.encoding) for frame in seen} == {"image/jpeg"}
+        assert decode(seen[0]).shape == (Mirror().height, Mirror().width, 3)
+        stamps = [stamp_of(frame) for frame in seen]
+        # nobody has listened before: nothing was rendered, but for what a first put may lose
+        assert stamps[0].sequence <= 2
+        assert [stamp.sequence - stamps[0].sequence for stamp in stamps] == [0, 1, 2]
+        assert stamps[0].time < stamps[1].time < stamps[2].time
+        assert seen[0].timestamp is not None
+
+
+class TestTruth:
+    def test_is_told_with_its_time_and_number(self, peer):
+        samples = [sample_of(peer, "truth") for _ in range(2)]
+        first, second = map(stamp_of, samples)
+        assert second.sequence == first.sequence + 1
+        assert second.time > first.time
+        assert truth_of(samples[0]).time == first.time
+
+    def test_is_streamed_while_someone_listens(self, peer):
+        truths = Queue()
+        with peer.declare_subscriber("khepera/khepera/truth", truths.put):
+            seen = [truths.get(timeout=PATIENCE) for _ in range(2)]
+        assert truth_of(seen[1]).time > truth_of(seen[0]).time
+
+
+class TestReset:
+    def test_puts_the_robot_where_it_is_told(self, peer):
+        wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
+        truth = truth_of(sample_of(peer, "reset", json.dumps({"pose": wanted})))
+        assert truth.pose.model_dump() == pytest.approx(wanted)
+        assert truth_of(sample_of(peer, "truth")).pose == truth.pose
+
+    @pytest.mark.parametrize("payload", [None, "{}"])
+    def test_goes_to_the_start_by_default(self, peer, payload):
+        pose = truth_of(sample_of(peer, "reset", payload)).pose
+        assert (pose.x, pose.y) == (START.x, START.y)
+
+    def test_with_a_seed_depends_on_nothing_before(self, peer):
+        request = json.dumps({"seed": 7, "random": True})
+        first = truth_of(sample_of(peer, "reset", request))
+        truth_of(sample_of(peer, "reset", json.dumps({"random": True})))
+        second = truth_of(sample_of(peer, "reset", request))
+        assert first.pose == second.pose
+        assert first.drift == second.drift
+        third = truth_of(sample_of(peer, "reset", json.dumps({"seed": 8, "random": True})))
+        assert third.pose != first.pose
+
+    @pytest.mark.parametrize(
+        ("payload", "sentence"),
+        [
+            ('{"pose": {"x": 0.3, "y": 0.12, "heading": 0}}', "no room for the robot at x=0.300 m"),
+            ('{"pose": {"x": 0.3}}', "pose.y: Field required"),
+            ('{"seed": -1}', "seed: Input should be greater"),
+            ("[]", "the payload: Input should be"),
+        ],
+    )
+    def test_refuses_clearly_and_changes_nothing(self, peer, payload, sentence):
+        before = truth_of(sample_of(peer, "reset"))
+        assert refusal_of(peer, "reset", payload).startswith(sentence)
+        assert truth_of(sample_of(peer, "truth")).pose == before.pose
+
+
+class TestTogether:
+    def test_line_drives_what_truth_tells(self):
+        place = free_endpoint()
+        with (
+            emulator("--listen", place, "--robot", "second", "--drift", "none") as running,
+            session(connect=[place]) as peer,
+            serial.Serial(running.path, timeout=PATIENCE) as port,
+        ):
+            wait_for(peer, "khepera/second/alive")
+            port.write(b"G,0,0\nD,3,3\n")
+            moved = 0
+            while moved < 20:
+                port.write(b"H\n")
+                line = port.read_until(b"\n")
+                moved = int(line.split(b",")[1]) if line.startswith(b"h,") else 0
+            (reply,) = peer.get("khepera/second/truth", timeout=PATIENCE)
+            pose = truth_of(reply.ok).pose
+            assert pose.x >= START.x + moved * 0.08e-3
+            assert isclose(pose.y, START.y, abs_tol=1e-3)
+
+    def test_peers_find_each_other_through_the_emulator(self, endpoint):
+        with (
+            session(listen=[free_endpoint()], connect=[endpoint]) as controller,
+            session(connect=[endpoint]) as monitor,
+        ):
+            found = Queue()
+            token = controller.liveliness().declare_token("macor/khepera/alive")
+            with monitor.liveliness().declare_subscriber(
+                "macor/khepera/alive", found.put, history=True
+            ):
+                assert found.get(timeout=PATIENCE).kind == zenoh.SampleKind.PUT
+            token.undeclare()
+
+    def test_peer_may_come_later_and_again(self):
+        later = free_endpoint()
+        with emulator("--listen", free_endpoint(), "--connect", later):
+            for _ in range(2):
+                with session(listen=[later]) as peer:
+                    wait_for(peer, "khepera/khepera/alive")
+
+    def test_endpoint_in_use_is_one_sentence(self, endpoint):
+        second = subprocess.run(
+            [*COMMAND, "--listen", endpoint],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+        )
+        assert (second.returncode, second.stdout) == (2, "")
+        assert second.stderr == (
+            f"khepera-emulator: another program listens on {endpoint} already;"
+            " give another --listen endpoint, or --no-zenoh\n"
+        )
