@@ -9,7 +9,7 @@ What is lost shows: the stamps count, and the latest decision and state can be a
 import json
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Final, Generic, Self, TypeVar
+from typing import Final, Generic, Self, TypeVar, cast
 
 import cv2
 import zenoh
@@ -115,7 +115,9 @@ class _FrameKey:
         self._sequence = 0
 
     def put(self, frame: Frame) -> None:
-        if not self._publisher.matching_status:
+        # the library's stub calls this a bool; it is an object, and as such always true
+        status = cast(zenoh.MatchingStatus, self._publisher.matching_status)
+        if not status.matching:
             return
         done, data = cv2.imencode(".jpeg", frame.image)
         if not done:

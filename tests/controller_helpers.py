@@ -1,0 +1,112 @@
+"""What the tests of service, telemetry and monitor have in common."""
+
+from contextlib import contextmanager
+from queue import SimpleQueue
+
+import numpy as np
+from emulator_process import PATIENCE, free_endpoint
+
+from macor_hil.cameras import Frame
+from macor_hil.telemetry.publisher import Publisher
+from macor_hil.telemetry.schemas import (
+    Ahead,
+    Alternative,
+    Decision,
+    Odometry,
+    Phase,
+    Situation,
+    State,
+)
+from macor_hil.telemetry.session import open_session
+from protocol.side_channel import Pose
+
+
+def a_decision(sequence=0, **changes):
+    values = {
+        "time": 1.5 + sequence,
+        "sequence": sequence,
+        "frame_time": 0.5 + sequence,
+        "situation": Situation(node=17, neuron=53, resonant=True, match=0.9612),
+        "alternatives": [
+            Alternative(command="left", evaluation=2.125),
+            Alternative(command="right", evaluation=None),
+            Alternative(command="straight", evaluation=4.25),
+        ],
+        "command": "straight",
+        "steps": 21,
+        "sequence_ahead": [Ahead(node=18, command="straight"), Ahead(node=4, command="left")],
+        "reinforcement": 0.7,
+        "total_reinforcement": 0.7 * (sequence + 1),
+        "collided": False,
+        "infrared": [0, 12, 1023, 4, 5, 6, 7, 8],
+        "odometry": Odometry(pose=Pose(x=0.021, y=-0.004, heading=0.1), counters=(262, 263)),
+    }
+    return Decision(**{**values, **changes})
+
+
+def a_state(phase=Phase.DRIVING, **changes):
+    values = {
+        "planner": "anticipative",
+        "port": "khepera://corridor",
+        "camera": "auto",
+        "map": "runs/corridor.npz",
+        "driven": 3,
+        "limit": 40,
+    }
+    return State(phase=phase, **{**values, **changes})
+
+
+def a_frame(time=0.25):
+    return Frame(np.full((16, 16, 3), 128, dtype=np.uint8), time, 7)
+
+
+@contextmanager
+def publishing(endpoint, robot="khepera"):
+    """A session that listens, and the publisher of a controller in it."""
+    with open_session([endpoint], []) as session, Publisher(session, robot) as publisher:
+        yield session, publisher
+
+
+@contextmanager
+def watching(endpoint, *keys):
+    """A session connected to an endpoint, and a queue of what comes on each key."""
+    with open_session([], [endpoint]) as session:
+        queues = [SimpleQueue() for _ in keys]
+        for key, queue in zip(keys, queues, strict=True):
+            session.declare_subscriber(key, queue.put)
+        yield session, *queues
+
+
+def receive(queue):
+    """The next sample; an error when none comes."""
+    return queue.get(timeout=PATIENCE)
+
+
+def wait_until_watched(session, *keys):
+    """Return when someone who will receive what this session puts listens on every key."""
+    for key in keys:
+        with session.declare_publisher(key) as probe:
+            matches = SimpleQueue()
+            probe.declare_matching_listener(matches.put)
+            while not probe.matching_status.matching:
+                matches.get(timeout=PATIENCE)
+
+
+def ask(session, selector):
+    """The only reply to a query."""
+    (reply,) = session.get(selector, timeout=PATIENCE)
+    return reply
+
+
+__all__ = [
+    "PATIENCE",
+    "a_decision",
+    "a_frame",
+    "a_state",
+    "ask",
+    "free_endpoint",
+    "publishing",
+    "receive",
+    "wait_until_watched",
+    "watching",
+]

@@ -1,0 +1,236 @@
+"""Frames, decisions and states as watchers receive them over Zenoh."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from queue import SimpleQueue
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+from controller_helpers import (
+    a_decision,
+    a_frame,
+    a_state,
+    ask,
+    free_endpoint,
+    publishing,
+    receive,
+    wait_until_watched,
+    watching,
+)
+from pydantic import ValidationError
+
+from macor_hil.cameras import Frame
+from macor_hil.errors import MacorError, TelemetryError
+from macor_hil.telemetry.publisher import Publisher, WatchedCamera
+from macor_hil.telemetry.schemas import Decision, Phase, State
+from macor_hil.telemetry.session import open_session
+from protocol.side_channel import Stamp
+
+FRAME, DECISION, STATE = (f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state"))
+
+
+@pytest.fixture
+def endpoint():
+    return free_endpoint()
+
+
+def stamp(sample):
+    return Stamp.model_validate_json(sample.attachment.to_bytes())
+
+
+def test_a_decision_arrives_as_it_was_with_encoding_stamp_and_timestamp(endpoint):
+    with publishing(endpoint) as (session, publisher), watching(endpoint, DECISION) as (_, samples):
+        wait_until_watched(session, DECISION)
+        for sequence in (0, 1):
+            publisher.decision(a_decision(sequence))
+        for sequence in (0, 1):
+            sample = receive(samples)
+            assert Decision.model_validate_json(sample.payload.to_bytes()) == a_decision(sequence)
+            assert str(sample.encoding) == "application/json;macor.Decision"
+            assert stamp(sample) == Stamp(sequence=sequence, time=1.5 + sequence)
+            assert sample.timestamp is not None
+
+
+def test_a_frame_arrives_as_a_jpeg_with_its_own_time(endpoint):
+    with publishing(endpoint) as (session, publisher), watching(endpoint, FRAME) as (_, samples):
+        wait_until_watched(session, FRAME)
+        publisher.frame(a_frame(time=0.25))
+        sample = receive(samples)
+    image = cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_COLOR)
+    assert image.shape == (16, 16, 3)
+    assert abs(int(image.mean()) - 128) < 3
+    assert sample.encoding == zenoh.Encoding.IMAGE_JPEG
+    assert stamp(sample) == Stamp(sequence=0, time=0.25)
+    assert sample.timestamp is not None
+
+
+def test_nothing_is_encoded_while_nobody_listens(endpoint, monkeypatch):
+    encoded = []
+    monkeypatch.setattr(cv2, "imencode", lambda *args: encoded.append(args))
+    with publishing(endpoint) as (_, publisher):
+        publisher.frame(a_frame())
+    assert not encoded
+
+
+def test_a_watched_camera_publishes_what_it_gives():
+    class Camera:
+        closed = False
+
+        def grab(self):
+            return a_frame()
+
+        def close(self):
+            self.closed = True
+
+    published = []
+    camera = Camera()
+    watched = WatchedCamera(camera, published.append)
+    assert published == [watched.grab()]
+    watched.close()
+    assert camera.closed
+
+
+def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint):
+    with publishing(endpoint) as (_, publisher):
+        publisher.decision(a_decision(0))
+        publisher.decision(a_decision(1))
+        publisher.state(a_state(Phase.STOPPED, reason="collision"), time=9.0)
+        with watching(endpoint) as (session,):
+            decision = ask(session, DECISION).ok
+            assert Decision.model_validate_json(decision.payload.to_bytes()) == a_decision(1)
+            assert str(decision.encoding) == "application/json;macor.Decision"
+            assert stamp(decision) == Stamp(sequence=1, time=2.5)
+            state = ask(session, STATE).ok
+            assert State.model_validate_json(state.payload.to_bytes()).reason == "collision"
+            assert stamp(state) == Stamp(sequence=0, time=9.0)
+
+
+def test_a_query_before_the_first_decision_is_told_so(endpoint):
+    with publishing(endpoint), watching(endpoint) as (session,):
+        assert ask(session, DECISION).err.payload.to_string() == "no decision yet"
+
+
+@pytest.mark.parametrize(("key", "payload"), [(DECISION, a_decision()), (STATE, a_state())])
+def test_describe_gives_the_schema_of_the_payload(endpoint, key, payload):
+    with publishing(endpoint), watching(endpoint) as (session,):
+        reply = ask(session, f"{key}?describe").ok
+    assert str(reply.encoding) == "application/schema+json"
+    schema = json.loads(reply.payload.to_string())
+    check(json.loads(payload.model_dump_json()), schema, schema)
+    with pytest.raises(AssertionError):
+        check({**json.loads(payload.model_dump_json()), "unknown": 1}, schema, schema)
+
+
+def check(value, schema, root):
+    """Assert that a value follows a schema; knows the keywords that Pydantic uses here."""
+    if "$ref" in schema:
+        schema = root["$defs"][schema["$ref"].rpartition("/")[2]]
+    if "anyOf" in schema:
+        assert any(follows(value, option, root) for option in schema["anyOf"]), value
+        return
+    if "enum" in schema:
+        assert value in schema["enum"]
+    kinds = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "boolean": bool,
+        "integer": int,
+        "number": (int, float),
+        "null": type(None),
+    }
+    assert isinstance(value, kinds[schema["type"]]), (value, schema)
+    if schema["type"] == "object":
+        assert set(schema["required"]) <= set(value) <= set(schema["properties"])
+        for name, item in value.items():
+            check(item, schema["properties"][name], root)
+    if schema["type"] == "array":
+        assert schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value))
+        items = schema.get("prefixItems") or [schema["items"]] * len(value)
+        for item, kind in zip(value, items, strict=True):
+            check(item, kind, root)
+
+
+def follows(value, schema, root):
+    try:
+        check(value, schema, root)
+    except AssertionError:
+        return False
+    return True
+
+
+def test_liveliness_tells_of_coming_and_going(endpoint):
+    with open_session([endpoint], []) as session:
+        samples = SimpleQueue()
+        session.liveliness().declare_subscriber("macor/khepera/alive", samples.put, history=True)
+        with open_session([], [endpoint]) as other, Publisher(other, "khepera"):
+            assert receive(samples).kind == zenoh.SampleKind.PUT
+        assert receive(samples).kind == zenoh.SampleKind.DELETE
+
+
+STUCK = """
+import sys, zenoh
+from macor_hil.telemetry.session import open_session
+with open_session([], [sys.argv[1]]) as session:
+    session.declare_subscriber("macor/**", lambda sample: None)
+    print("listening", flush=True)
+    sys.stdin.readline()
+"""
+
+
+def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
+    noise = np.random.default_rng(1).integers(0, 256, (160, 160, 3)).astype(np.uint8)
+    frame = Frame(noise, 0.0, 0)  # 600 of some 20 kB: more than the link's buffers hold
+    with publishing(endpoint) as (session, publisher):
+        watcher = subprocess.Popen(
+            [sys.executable, "-c", STUCK, endpoint],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert watcher.stdout.readline() == "listening\n"
+            wait_until_watched(session, FRAME, DECISION)
+            os.kill(watcher.pid, signal.SIGSTOP)
+            longest = 0.0
+            for sequence in range(600):
+                start = time.perf_counter()
+                publisher.frame(frame)
+                publisher.decision(a_decision(sequence))
+                longest = max(longest, time.perf_counter() - start)
+        finally:
+            os.kill(watcher.pid, signal.SIGCONT)
+            watcher.communicate("\n")
+    assert longest < 1.0  # a blocking put waits for five seconds
+
+
+def test_an_endpoint_in_use_is_one_clear_sentence(endpoint):
+    with open_session([endpoint], []), pytest.raises(TelemetryError) as failure:
+        open_session([endpoint], [])
+    assert endpoint in str(failure.value)
+    assert "already" in str(failure.value)
+    assert "--listen" in str(failure.value)
+    assert "\n" not in str(failure.value)
+    assert isinstance(failure.value, MacorError)
+
+
+def test_a_malformed_endpoint_is_one_clear_sentence():
+    with pytest.raises(TelemetryError, match=r"nonsense.*looks like tcp/"):
+        open_session(["nonsense"], [])
+
+
+@pytest.mark.parametrize("name", ["", "*", "a/b", "a b", "robot#1", "rob\not"])
+def test_a_robot_needs_a_name_that_can_be_a_key(endpoint, name):
+    with pytest.raises(TelemetryError), publishing(endpoint, name):
+        pass
+
+
+def test_a_decision_takes_eight_infrared_readings():
+    with pytest.raises(ValidationError):
+        a_decision(infrared=[1, 2, 3])
