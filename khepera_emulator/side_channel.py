@@ -7,8 +7,9 @@ thread, which answers them between two portions of the serial line.
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from types import MappingProxyType
 from typing import NamedTuple, Self, TypeVar, cast
 
 import cv2
@@ -66,7 +67,7 @@ class SideChannel:
             self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
             stack.callback(os.close, self._wake)
             session = stack.enter_context(_open_session(listen, connect))
-            for leaf, answer in (("camera", _camera), ("truth", _truth), ("reset", _reset)):
+            for leaf, answer in _ANSWERS.items():
                 key = robot_key(robot, leaf)
                 session.declare_queryable(key, self._enqueue(_Replier(key, answer)))
             self._streams = [
@@ -192,6 +193,15 @@ def _truth(emulator: Emulator, _: bytes) -> _Content:
 
 def _reset(emulator: Emulator, request: bytes) -> _Content:
     return _json(emulator.reset(_parse(Reset, request)))
+
+
+def _outline(emulator: Emulator, _: bytes) -> _Content:
+    return _json(emulator.outline())
+
+
+_ANSWERS: Mapping[str, _Answer] = MappingProxyType(
+    {"camera": _camera, "truth": _truth, "reset": _reset, "arena": _outline}
+)
 
 
 def _parse(kind: type[_P], request: bytes) -> _P:

@@ -1,12 +1,15 @@
 """Pictures in the form of the paper's figures; needs the extra 'pictures' (Matplotlib)."""
 
 from collections.abc import Mapping
-from math import cos, sin
+from math import cos, degrees, sin
 from pathlib import Path
 from typing import Any
 
+from macor_hil.brain import Brain
 from macor_hil.errors import MacorError
 from macor_hil.trials import Trial
+from macor_hil.vision.opponent import CHANNELS
+from macor_hil.vision.unwrap import Image
 from protocol.side_channel import Outline
 
 
@@ -40,6 +43,48 @@ def draw_trials(path: Path, outline: Outline, trials: Mapping[str, Trial]) -> No
         above.set_xlabel("x in m")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
+
+
+def draw_view(path: Path, brain: Brain, image: Image) -> None:
+    """What the robot sees, and what its receptive fields make of it.
+
+    Args:
+        path: where the PNG goes.
+        brain: eyes to look with; its fields may be tuned or not.
+        image: a mirror image.
+
+    Raises:
+        MacorError: Matplotlib is not installed.
+        CameraError: the image does not fit the mirror's geometry.
+    """
+    panorama = brain.unwrap(image)
+    features = brain.fields.tune(brain.fields.raw(panorama)).reshape(-1, len(CHANNELS)).T
+    figure = _figure()(figsize=(9.0, 5.0), layout="constrained")
+    shape = [["mirror", "panorama"], ["mirror", "fields"]]
+    axes = figure.subplot_mosaic(shape, width_ratios=[1, 1.6], height_ratios=[1.2, 1])
+    axes["mirror"].imshow(image[..., ::-1])
+    axes["mirror"].set_title("mirror image, straight ahead is up", fontsize=10)
+    axes["mirror"].axis("off")
+    extent = (
+        180.0,
+        -180.0,
+        degrees(brain.settings.mirror.low),
+        degrees(brain.settings.mirror.high),
+    )
+    axes["panorama"].imshow(panorama[..., ::-1], extent=extent, aspect="auto")
+    axes["panorama"].set_title("panorama", fontsize=10)
+    axes["panorama"].set_ylabel("elevation")
+    shown = axes["fields"].imshow(
+        features, extent=(180.0, -180.0, 2.5, -0.5), aspect="auto", vmin=0.0, vmax=1.0, cmap="gray"
+    )
+    axes["fields"].set_title("receptive fields", fontsize=10)
+    axes["fields"].set_yticks(range(len(CHANNELS)), CHANNELS)
+    figure.colorbar(shown, ax=axes["fields"])
+    for name in ("panorama", "fields"):
+        axes[name].set_xticks(range(180, -181, -90))
+        axes[name].set_xlabel("azimuth, left positive")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=100)
 
 
 def _draw_way(axes: Any, outline: Outline, trial: Trial) -> None:
