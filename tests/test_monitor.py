@@ -1,0 +1,218 @@
+"""The terminal monitor: its picture as text, and what it makes of a controller's life."""
+
+import io
+import re
+
+import pytest
+from controller_helpers import (
+    a_decision,
+    a_frame,
+    a_state,
+    free_endpoint,
+    publishing,
+    wait_until_watched,
+)
+from rich.console import Console
+
+from macor_hil.errors import TelemetryError
+from macor_hil.monitor.terminal import Watcher, watch
+from macor_hil.monitor.view import bar, render, spark
+from macor_hil.monitor.watched import Watched
+from macor_hil.telemetry.publisher import Publisher
+from macor_hil.telemetry.schemas import Ahead, Alternative, Phase
+from macor_hil.telemetry.session import open_session
+
+PATIENCE = 10.0
+KEYS = [f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state")]
+
+
+def text_of(watched, now=100.0, width=80):
+    console = Console(file=io.StringIO(), width=width, height=24)
+    console.print(render(watched, now))
+    return console.file.getvalue()
+
+
+def a_watched(**changes):
+    watched = Watched("khepera", alive=True, met=True, state=a_state())
+    watched.decide(a_decision(3, **changes), 99.5)
+    return watched
+
+
+def line_with(text, word):
+    (line,) = [line for line in text.splitlines() if word in line]
+    return line
+
+
+def test_without_a_controller_it_waits():
+    assert "waiting for a controller..." in text_of(Watched("khepera"))
+
+
+def test_a_controller_that_has_gone_leaves_its_last_words():
+    watched = a_watched()
+    watched.alive = False
+    text = text_of(watched)
+    assert "it has gone; waiting for a controller..." in text
+    assert "situation" in text
+
+
+def test_a_decision_is_shown_with_all_that_belongs_to_it():
+    text = text_of(a_watched())
+    assert "driving  3 of 40 commands" in text
+    assert "khepera://corridor" in text
+    assert "anticipative" in text
+    assert "17 (neuron 53), match 0.961, resonates" in text
+    assert "2: straight→18  left→4" in text
+    assert "last 0.70  total 2.80" in text
+    assert "x +0.021 m  y -0.004 m  heading +6°  counters 262 263" in text
+    assert re.search(r"█ 1023", text)
+    assert "COLLISION" not in text
+
+
+def test_alternatives_have_bars_in_proportion_and_the_driven_one_is_marked():
+    text = text_of(a_watched())
+    lengths = {name: line_with(text, f"│ {name} ").count("█") for name in ("left", "straight")}
+    assert lengths == {"left": 16, "straight": 32}
+    assert "4.250  ◀ driven" in line_with(text, "│ straight ")
+    assert "never tried here" in line_with(text, "│ right ")
+    assert text.count("◀") == 1
+
+
+def test_a_situation_without_resonance_is_called_unknown():
+    seen = a_decision().situation.model_copy(update={"resonant": False})
+    assert "unknown, the nearest one" in text_of(a_watched(situation=seen))
+
+
+def test_a_collision_is_shown():
+    assert "COLLISION" in text_of(a_watched(collided=True))
+
+
+def test_the_reason_of_a_failure_is_shown():
+    watched = a_watched()
+    watched.state = a_state(Phase.FAILED, reason="the serial port failed")
+    assert "failed  3 of 40 commands  the serial port failed" in text_of(watched)
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_the_fullest_picture_fits_the_terminal(width):
+    watched = a_watched(
+        collided=True,
+        sequence_ahead=[Ahead(node=50, command="straight")] * 150,
+        alternatives=[Alternative(command="c" * 40, evaluation=-123456.789)] * 12,
+    )
+    watched.state = a_state(port="/dev/" + "x" * 200, map="y" * 300, reason="z" * 400)
+    watched.trouble = "t" * 300
+    for _ in range(100):
+        watched.see(123_456_789, 99.9)
+        watched.reinforcements.append(0.7)
+    lines = text_of(watched, width=width).splitlines()
+    assert len(lines) <= 24
+    assert {len(line) for line in lines} == {width}
+
+
+def test_what_comes_from_elsewhere_cannot_steer_the_terminal():
+    watched = a_watched()
+    watched.state = a_state(port="\x1b[2J\x1b]0;title\x07[bold]x[/bold]\r\n", reason="a\nb")
+    text = text_of(watched)
+    assert "\x1b" not in text
+    assert "[bold]x[/bold]" in text
+    assert len({len(line) for line in text.splitlines()}) == 1
+
+
+def test_rates_and_ages_count_arrivals():
+    watched = Watched("khepera", alive=True)
+    for n in range(5):
+        watched.see(6200, 90.0 + n / 4)
+    assert "4.0/s  6.2 kB  last one 9.0 s ago" in line_with(text_of(watched), "frames")
+    assert "none yet" in line_with(text_of(watched), "decisions")
+
+
+def test_decisions_that_did_not_arrive_are_counted():
+    watched = Watched("khepera")
+    for sequence in (4, 5, 9):
+        watched.decide(a_decision(sequence), float(sequence))
+    assert watched.missed == 3
+    assert "3 missed" in text_of(watched)
+
+
+def test_a_new_run_begins_a_new_curve():
+    watched = Watched("khepera")
+    for sequence in (0, 1, 2, 0):
+        watched.decide(a_decision(sequence), 0.0)
+    assert list(watched.reinforcements) == [0.7]
+    assert watched.missed == 0
+
+
+def test_sparks_and_bars():
+    assert spark([0.0, 0.35, 0.7]) == "▁▅█"
+    assert spark([]) == ""
+    assert spark([0.0]) == "▁"
+    assert len(spark([1.0] * 99, width=40)) == 40
+    assert bar(0.5, 4) == "██  "
+    assert bar(7.0, 4) == "████"
+    assert bar(-1.0, 4) == "    "
+
+
+def test_once_shows_a_controller_that_is_there():
+    endpoint, file = free_endpoint(), io.StringIO()
+    with publishing(endpoint) as (_, publisher):
+        publisher.state(a_state(), 1.0)
+        publisher.decision(a_decision(3))
+        console = Console(file=file, width=80)
+        assert watch("khepera", [], [endpoint], once=True, console=console)
+    assert "driving  3 of 40" in file.getvalue()
+    assert "17 (neuron 53)" in file.getvalue()
+
+
+def test_a_watcher_without_a_controller_ends_after_its_duration():
+    file = io.StringIO()
+    console = Console(file=file, width=80)
+    assert not watch("khepera", [], [free_endpoint()], duration=0.1, console=console)
+    assert "waiting for a controller..." in file.getvalue()
+
+
+def test_a_bad_name_is_refused():
+    with pytest.raises(TelemetryError):
+        watch("a/**", [], [])
+
+
+def wait_for(watcher, what):
+    watcher.follow(PATIENCE, until=what)
+    assert what()
+
+
+def live_and_go(endpoint, watcher, commands):
+    """A controller appears, drives some commands, and goes; the watcher must see all of it."""
+    with open_session([], [endpoint]) as session, Publisher(session, "khepera") as publisher:
+        wait_for(watcher, lambda: watcher.watched.alive)
+        wait_until_watched(session, *KEYS)
+        publisher.frame(a_frame())
+        publisher.state(a_state(driven=commands), 0.0)
+        for sequence in range(commands):
+            publisher.decision(a_decision(sequence))
+        wait_for(watcher, lambda: len(watcher.watched.reinforcements) == commands)
+        wait_for(watcher, lambda: watcher.watched.state is not None)
+        wait_for(watcher, lambda: watcher.watched.frame_bytes > 0)
+        assert watcher.watched.state.driven == commands
+    wait_for(watcher, lambda: not watcher.watched.alive)
+    assert watcher.watched.met
+    assert watcher.watched.decision == a_decision(commands - 1)
+
+
+def test_a_watcher_survives_the_controller_going_and_coming_back():
+    endpoint = free_endpoint()
+    with open_session([endpoint], []) as session, Watcher(session, "khepera") as watcher:
+        live_and_go(endpoint, watcher, commands=1)
+        live_and_go(endpoint, watcher, commands=2)
+
+
+def test_a_payload_of_another_version_is_trouble_but_no_end():
+    endpoint = free_endpoint()
+    with (
+        open_session([endpoint], []) as session,
+        Watcher(session, "khepera") as watcher,
+        open_session([], [endpoint]) as other,
+    ):
+        wait_until_watched(other, KEYS[1])
+        other.put(KEYS[1], '{"future": 1}')
+        wait_for(watcher, lambda: bool(watcher.watched.trouble))
+    assert "decision of another version" in text_of(watcher.watched)

@@ -1,0 +1,444 @@
+"""The live loop: what it publishes, and that the robot stands after every way out."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from dataclasses import replace
+from queue import SimpleQueue
+
+import pytest
+import serial
+from controller_helpers import PATIENCE, ask, free_endpoint, receive, watching
+from emulator_process import emulator
+
+import macor_hil.hardware
+from macor_hil.bench import ZenohBench
+from macor_hil.brain import Brain, Settings
+from macor_hil.drive import Driver
+from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
+from macor_hil.hardware import open_hardware
+from macor_hil.map_file import save_map
+from macor_hil.robot import Khepera, open_port
+from macor_hil.service import Ending, ServiceConfig, serve
+from macor_hil.telemetry.schemas import Decision, Phase, State
+from macor_hil.telemetry.session import open_session
+from macor_hil.training import Schedule, Trainer
+
+PORT = "khepera://corridor?seed=1&drift=none"
+STOP = b"D,0,0\n"
+MOVING = 0.05
+STANDING = 0.004
+"""m/s: half a unit of the speed controller."""
+
+SETTLING = 0.1
+"""Seconds from full speed to rest; an arc that nobody stops takes longer."""
+
+
+@pytest.fixture(scope="module")
+def map_file(tmp_path_factory):
+    """A map of a very short training: it knows a few situations around the start."""
+    path = tmp_path_factory.mktemp("maps") / "short.npz"
+    schedule = Schedule(tuning=15, random=80, reactive=0, session=80)
+    with open_hardware(PORT) as hardware:
+        brain = Brain(Settings())
+        trainer = Trainer(brain, Driver(hardware.robot), hardware.camera, hardware.bench, schedule)
+        for session in schedule.sessions():
+            trainer.run(session, lambda _: None)
+    save_map(path, brain, {})
+    return path
+
+
+@pytest.fixture
+def config(map_file):
+    """Six commands on an embedded robot, unwatched."""
+    return ServiceConfig(PORT, map_file, commands=6, listen=(), connect=())
+
+
+class Tap:
+    """What went to the port of a run, and how fast the robot was when it was switched off.
+
+    `meddle` hears every request once it is on the line, before its reply is read.
+    """
+
+    def __init__(self, monkeypatch):
+        self.requests = []
+        self.speed = 0.0
+        self.port = None
+        self.meddle = lambda _: None
+        monkeypatch.setattr(macor_hil.hardware, "open_port", self._open)
+
+    def _open(self, url, baud):
+        self.port = open_port(url, baud)
+        write, close = self.port.write, self.port.close
+
+        def tapped_write(data):
+            count = write(data)
+            self.requests.append(data)
+            self.meddle(data)
+            return count
+
+        def tapped_close():
+            if self.port.is_open:
+                self.port.emulator.advance(self.port.now + SETTLING)
+                self.speed = self._speed()
+            close()
+
+        self.port.write, self.port.close = tapped_write, tapped_close
+        return self.port
+
+    def _speed(self):
+        """Speed of the faster wheel, m/s."""
+        return max(map(abs, self.port.emulator.truth().speed))
+
+    def in_mid_drive(self, act, arc=2):
+        """Do something once, while the robot is driving its arc of this number."""
+
+        def meddle(data):
+            if data == b"N\n" and self.count(b"C") == arc and self._speed() > MOVING:
+                self.meddle = lambda _: None
+                act()
+
+        self.meddle = meddle
+
+    def count(self, letter):
+        return sum(data.startswith(letter) for data in self.requests)
+
+    def assert_stopped(self):
+        """A stop followed the last drive, and the robot stood when it was switched off."""
+        assert not self.port.is_open
+        last_drive = max(n for n, data in enumerate(self.requests) if data.startswith(b"C"))
+        assert any(data.endswith(STOP) for data in self.requests[last_drive:])
+        assert self.speed < STANDING
+
+
+@pytest.fixture
+def tap(monkeypatch):
+    return Tap(monkeypatch)
+
+
+def raising(error):
+    def act(*_):
+        raise error
+
+    return act
+
+
+def states(samples):
+    while True:
+        yield State.model_validate_json(receive(samples).payload.to_bytes())
+
+
+def test_a_run_drives_its_commands_and_leaves_the_robot_standing(config, tap):
+    heard = []
+    report = serve(config, heard.append)
+    assert report.ending is Ending.COMMANDS
+    assert not report.collided
+    assert report.commands == len(heard) == tap.count(b"C") == 6
+    assert report.reinforcement == pytest.approx(sum(d.reinforcement for d in heard))
+    assert [d.sequence for d in heard] == list(range(6))
+    assert heard[-1].total_reinforcement == pytest.approx(report.reinforcement)
+    tap.assert_stopped()
+
+
+def test_odometry_follows_the_robot_from_the_start_that_is_given(config, tap):
+    heard, truth = [], []
+
+    def on_step(decision):
+        heard.append(decision)
+        truth.append(tap.port.emulator.truth().pose)
+
+    start = ServiceConfig("", config.map_file).start
+    start = type(start)(x=1.0, y=2.0, heading=0.0)
+    serve(replace(config, start=start), on_step)
+    poses = [decision.odometry.pose for decision in heard]
+    moved = [(pose.x - poses[0].x, pose.y - poses[0].y) for pose in poses]
+    really = [(pose.x - truth[0].x, pose.y - truth[0].y) for pose in truth]
+    for way, real_way in zip(moved, really, strict=True):
+        assert way == pytest.approx(real_way, abs=0.002)  # the emulator's corridor begins eastward
+    assert poses[0].x == pytest.approx(1.021, abs=0.002)
+    assert poses[0].y == pytest.approx(2.0, abs=0.005)
+    assert heard[0].odometry.counters[0] > 0
+
+
+def test_a_collision_ends_the_run(config, tap):
+    report = serve(replace(config, commands=200, planner="reactive"))
+    assert report.ending is Ending.COLLISION
+    assert report.collided
+    assert report.commands < 200
+    tap.assert_stopped()
+
+
+def test_the_same_run_gives_the_same_decisions(config):
+    first, second = [], []
+    serve(config, first.append)
+    serve(config, second.append)
+    assert first == second
+
+
+def test_watchers_receive_every_decision_and_the_states_around_them(config):
+    endpoint, heard = free_endpoint(), []
+    keys = [f"macor/robby/{leaf}" for leaf in ("decision", "frame", "state")]
+    with open_session([endpoint], []) as session:
+        queues = [SimpleQueue() for _ in keys]
+        for key, queue in zip(keys, queues, strict=True):
+            session.declare_subscriber(key, queue.put)
+        serve(replace(config, robot="robby", connect=(endpoint,)), heard.append)
+        decisions, frames, said = queues
+        for decision in heard:
+            sample = receive(decisions)
+            assert Decision.model_validate_json(sample.payload.to_bytes()) == decision
+        for _ in range(7):  # before the first command and after each
+            assert receive(frames).payload.to_bytes().startswith(b"\xff\xd8")
+        phases = []
+        for state in states(said):
+            phases.append((state.phase, state.driven))
+            if state.phase is Phase.STOPPED:
+                break
+    assert phases[-2:] == [(Phase.DRIVING, 6), (Phase.STOPPED, 6)]
+    assert state.reason == "all commands driven"
+
+
+def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config):
+    endpoint, heard = free_endpoint(), []
+
+    def join(decision):
+        if decision.sequence == 3:
+            with watching(endpoint) as (session,):
+                sample = ask(session, "macor/khepera/decision").ok
+                heard.append(Decision.model_validate_json(sample.payload.to_bytes()))
+                sample = ask(session, "macor/khepera/state").ok
+                heard.append(State.model_validate_json(sample.payload.to_bytes()))
+            heard.append(decision)
+
+    serve(replace(config, listen=(endpoint,)), join)
+    told, state, made = heard
+    assert told == made
+    assert (state.phase, state.driven, state.limit) == (Phase.DRIVING, 4, 6)
+    assert (state.planner, state.port) == ("anticipative", PORT)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(config, tap, number):
+    before = signal.getsignal(number)
+    tap.in_mid_drive(lambda: signal.raise_signal(number))
+    report = serve(replace(config, commands=1000))
+    assert report.ending is Ending.INTERRUPTED
+    assert report.signal == signal.Signals(number).name
+    assert report.commands == 1
+    assert tap.count(b"C") == 2
+    tap.assert_stopped()
+    assert signal.getsignal(number) is before
+
+
+def test_a_keyboard_interrupt_from_elsewhere_stops_the_robot_too(config, tap):
+    tap.in_mid_drive(raising(KeyboardInterrupt()))
+    assert serve(config).ending is Ending.INTERRUPTED
+    tap.assert_stopped()
+
+
+def test_an_impatient_second_ctrl_c_does_not_prevent_the_stop(config, tap):
+    def interrupt():
+        tap.meddle = lambda _: signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    tap.in_mid_drive(interrupt)
+    assert serve(config).ending is Ending.INTERRUPTED
+    tap.assert_stopped()
+
+
+def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(config, tap):
+    def lose():
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+
+    tap.in_mid_drive(lose)
+    report = serve(config)
+    assert (report.ending, report.signal) == (Ending.INTERRUPTED, "SIGTERM")
+    tap.assert_stopped()
+
+
+def test_a_run_in_another_thread_leaves_signals_alone(config):
+    reports = []
+    thread = threading.Thread(target=lambda: reports.append(serve(config)))
+    thread.start()
+    thread.join(PATIENCE)
+    assert reports[0].ending is Ending.COMMANDS
+
+
+class BlindAfter:
+    """A camera that fails at its picture of a number."""
+
+    def __init__(self, camera, pictures, error):
+        self.camera, self.pictures, self.error = camera, pictures, error
+
+    def grab(self):
+        self.pictures -= 1
+        if self.pictures < 0:
+            raise self.error
+        return self.camera.grab()
+
+    def close(self):
+        self.camera.close()
+
+
+@pytest.mark.parametrize("error", [CameraError("no picture"), ZeroDivisionError("a defect")])
+def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
+    config, tap, monkeypatch, error
+):
+    real = macor_hil.hardware.open_camera
+    monkeypatch.setattr(
+        macor_hil.hardware, "open_camera", lambda *a, **k: BlindAfter(real(*a, **k), 3, error)
+    )
+    endpoint, said = free_endpoint(), SimpleQueue()
+    with open_session([endpoint], []) as session:
+        session.declare_subscriber("macor/khepera/state", said.put)
+        with pytest.raises(type(error)):
+            serve(replace(config, connect=(endpoint,)))
+        failed = next(state for state in states(said) if state.phase is Phase.FAILED)
+    assert failed.reason == str(error)
+    assert failed.driven == 2
+    tap.assert_stopped()
+
+
+def test_an_error_in_mid_drive_stops_the_robot(config, tap):
+    tap.in_mid_drive(raising(ZeroDivisionError()))
+    with pytest.raises(ZeroDivisionError):
+        serve(config)
+    tap.assert_stopped()
+
+
+def test_a_garbled_reply_in_mid_drive_stops_the_robot(config, tap):
+    tap.in_mid_drive(lambda: tap.port.reset_input_buffer() or tap.port.emulator.write(b"\x80\n"))
+    with pytest.raises(RobotError) as failure:
+        serve(config)
+    assert "NOT confirmed" not in str(failure.value)
+    tap.assert_stopped()
+
+
+def test_a_lost_link_is_said_as_clearly_as_that_no_stop_got_through(config, tap):
+    def cut():
+        tap.meddle = raising(serial.SerialException("device disconnected"))
+        raise serial.SerialException("device disconnected")
+
+    tap.in_mid_drive(cut)
+    with pytest.raises(RobotError) as failure:
+        serve(config)
+    said = str(failure.value)
+    assert said.startswith(r"sent b'N\n', then the serial port failed: device disconnected")
+    assert "NOT confirmed a stop" in said
+    assert "21 mm at most" in said
+    assert not tap.port.is_open
+
+
+def test_an_interrupt_without_a_confirmed_stop_is_an_error(config, tap):
+    def interrupt():
+        tap.meddle = raising(serial.SerialException("device disconnected"))
+        signal.raise_signal(signal.SIGINT)
+
+    tap.in_mid_drive(interrupt)
+    with pytest.raises(RobotError, match="NOT confirmed a stop"):
+        serve(config)
+
+
+def test_the_robot_is_stopped_when_there_is_no_such_camera(config, tap):
+    with pytest.raises(CameraError, match="nonsense"):
+        serve(replace(config, camera="nonsense"))
+    assert tap.requests[-1] == STOP
+    assert not tap.port.is_open
+
+
+def test_what_cannot_be_used_is_named_before_anything_moves(config, tap, tmp_path):
+    with pytest.raises(MapError, match="there is no map"):
+        serve(replace(config, map_file=tmp_path / "none.npz"))
+    with pytest.raises(MacorError, match=r"no planner 'bold'; there are anticipative, reactive"):
+        serve(replace(config, planner="bold"))
+    with pytest.raises(TelemetryError, match="robot's name"):
+        serve(replace(config, robot="a/*", listen=(free_endpoint(),)))
+    empty = tmp_path / "empty.npz"
+    save_map(empty, Brain(Settings()), {})
+    with pytest.raises(MacorError, match="no situations"):
+        serve(replace(config, map_file=empty))
+    endpoint = free_endpoint()
+    with open_session([endpoint], []), pytest.raises(TelemetryError, match="already"):
+        serve(replace(config, listen=(endpoint,)))
+    assert tap.port is None
+
+
+RUNNER = """
+import sys
+from pathlib import Path
+from macor_hil.errors import MacorError
+from macor_hil.service import ServiceConfig, serve
+port, map_file, connect = sys.argv[1:]
+try:
+    report = serve(
+        ServiceConfig(port, Path(map_file), commands=10_000, listen=(), connect=(connect,)),
+        lambda decision: print("step", flush=True),
+    )
+    print(report.ending.value, report.signal)
+except MacorError as error:
+    print(error)
+"""
+
+
+class Live:
+    """An emulator on a pseudo-terminal, and a controller that drives it, as processes."""
+
+    def __init__(self, running, endpoint, map_file):
+        self.running = running
+        arguments = [running.path, str(map_file), endpoint]
+        self.controller = subprocess.Popen(
+            [sys.executable, "-c", RUNNER, *arguments], stdout=subprocess.PIPE, text=True
+        )
+
+    def wait_for_a_step(self):
+        line = self.controller.stdout.readline()
+        assert line == "step\n", line
+
+    def last_words(self):
+        said, _ = self.controller.communicate(timeout=PATIENCE)
+        return [line for line in said.splitlines() if line != "step"]
+
+
+@pytest.fixture
+def live(map_file):
+    endpoint = free_endpoint()
+    with emulator("--listen", endpoint, "--drift", "none", "--baud", "57600") as running:
+        driving = Live(running, endpoint, map_file)
+        driving.endpoint = endpoint
+        try:
+            yield driving
+        finally:
+            driving.controller.kill()
+            driving.controller.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_real_controller_stops_a_real_line_at_a_signal(live, number):
+    live.wait_for_a_step()
+    with open_session([], [live.endpoint]) as session:
+        bench = ZenohBench(session, "khepera")
+        while max(bench.truth().speed) < MOVING:
+            pass  # until it is under way again
+        os.kill(live.controller.pid, number)
+        assert live.last_words() == [f"interrupted {signal.Signals(number).name}"]
+        assert live.controller.returncode == 0
+        assert max(map(abs, bench.truth().speed)) < STANDING
+    port = open_port(live.running.path, 57600)
+    try:
+        left, right = Khepera(port).status()
+    finally:
+        port.close()
+    assert left.speed_mode  # a D came after the last C
+    assert right.speed_mode
+
+
+def test_a_real_emulator_that_dies_is_a_clear_error(live):
+    live.wait_for_a_step()
+    live.running.end(signal.SIGKILL)
+    (said,) = live.last_words()
+    assert "the serial port failed" in said
+    assert "NOT confirmed a stop" in said
