@@ -111,11 +111,13 @@ class TestClients:
             assert unread(reader) == b"reply\r\nreply\r\n"
         assert received(port) == [b""]
 
-    def test_that_follow_each_other_unseen_are_told_apart(self, port):
+    @pytest.mark.parametrize("stale", [10, 100_000])
+    def test_that_follow_each_other_unseen_are_told_apart(self, port, stale):
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
-            port.write(b"stale\r\n")
+            for _ in range(stale // 10):
+                port.write(b"0123456789")
             os.write(first, b"O\nE\n")
         with client(port) as second:
             os.write(second, b"B\n")
@@ -190,6 +192,9 @@ class TestSettings:
             termios.tcsetattr(terminal, termios.TCSANOW, settings)
             fcntl.ioctl(terminal, termios.TIOCEXCL)
             os.write(terminal, request_line)
+            received(port)
+            # otherwise nobody but root could open it once the client has left, nor could we
+            assert is_exclusive(terminal) == (not request_line)
         received(port)
         with client(port) as terminal:
             assert not is_exclusive(terminal)

@@ -241,7 +241,6 @@ class PtyPort:
                     f"a client has taken {self.path} for itself for ever (TIOCEXCL):"
                     f" {error.strerror}; start the emulator again"
                 ) from None
-        termios.tcflush(self._master, termios.TCOFLUSH)
         termios.tcflush(self._slave, termios.TCIFLUSH)
         self._watch.take()
 
