@@ -1,7 +1,6 @@
 """Command line of the emulator."""
 
 import logging
-import os
 import re
 import signal
 import sys
@@ -18,12 +17,12 @@ from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA, MODELS, find_model
+from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import FIRST_RATE, PtyPort
 from protocol.side_channel import DEFAULT_ENDPOINT
 
 _FAILED: Final = 2
-_STDERR: Final = 2
 _ROBOT = re.compile(r"[A-Za-z0-9_.-]+")
 _BAUD = re.compile(r"[1-9][0-9]{1,6}")
 
@@ -116,7 +115,7 @@ def run(
     logging.basicConfig(
         level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
     )
-    _load_physics()
+    load_physics()
     from khepera_emulator.daemon import Daemon
     from khepera_emulator.emulator import Emulator, Setup
     from khepera_emulator.side_channel import SideChannel
@@ -180,26 +179,6 @@ def _check_robot(name: str) -> None:
         raise EmulatorError(
             f"--robot {name!r}: a name is made of letters, digits, dots, dashes and underscores"
         )
-
-
-def _load_physics() -> None:
-    """Load PyBullet, which greets on the standard error output from its C code, without a word.
-
-    Raises:
-        EmulatorError: it is not installed.
-    """
-    kept = os.dup(_STDERR)
-    with Path(os.devnull).open("w") as nowhere:
-        os.dup2(nowhere.fileno(), _STDERR)
-    try:
-        import pybullet  # noqa: F401
-    except ModuleNotFoundError:
-        raise EmulatorError(
-            "the emulator needs PyBullet: pip install 'khepera-macor[emulator]'"
-        ) from None
-    finally:
-        os.dup2(kept, _STDERR)
-        os.close(kept)
 
 
 @contextmanager

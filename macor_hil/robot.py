@@ -56,8 +56,6 @@ def open_port(url: str, baud: int = 9600) -> Any:
     """
     if url.startswith("khepera://"):
         try:
-            import pybullet  # noqa: F401
-
             import khepera_emulator  # noqa: F401 - registers the URL scheme
         except ImportError:
             raise RobotError(

@@ -15,7 +15,7 @@ from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 
 from khepera_emulator.arena import load_arena
 from protocol.mirror import Mirror
-from protocol.side_channel import Stamp, Truth
+from protocol.side_channel import Outline, Stamp, Truth
 from protocol.zenoh_config import zenoh_config
 
 START = load_arena("corridor").start
@@ -234,4 +234,16 @@ class TestTogether:
         assert second.stderr == (
             f"khepera-emulator: another program listens on {endpoint} already;"
             " give another --listen endpoint, or --no-zenoh\n"
+        )
+
+
+class TestArena:
+    def test_is_told_to_be_drawn(self, peer):
+        outline = Outline.model_validate_json(sample_of(peer, "arena").payload.to_bytes())
+        assert outline.title == load_arena("corridor").title
+        assert (outline.start.x, outline.start.y) == (START.x, START.y)
+        # the outer wall: its inner face is 12.5 cm to the right of the start
+        assert any(
+            min(y for _, y in solid.corners) < -0.125 <= max(y for _, y in solid.corners) + 1e-9
+            for solid in outline.solids
         )

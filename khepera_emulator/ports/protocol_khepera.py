@@ -54,14 +54,17 @@ class Serial(SerialBase):
         # pySerial swallows an ImportError at its look-up of URL schemes: import when opening
         from khepera_emulator.arena import load_arena
         from khepera_emulator.drift import parse_drift
-        from khepera_emulator.emulator import Emulator, Setup
         from khepera_emulator.errors import EmulatorError
         from khepera_emulator.models import find_model
+        from khepera_emulator.physics import load_physics
 
         arena, options = _split(str(self.portstr))
         rate = options.get("baud", "auto")
         self._fixed_rate = rate != "auto"
         try:
+            load_physics()
+            from khepera_emulator.emulator import Emulator, Setup
+
             setup = Setup(
                 arena=load_arena(arena),
                 model=find_model(options.get("model", "khepera")),

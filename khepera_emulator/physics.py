@@ -1,0 +1,29 @@
+"""Loading PyBullet, without its greeting."""
+
+import os
+from pathlib import Path
+from typing import Final
+
+from khepera_emulator.errors import EmulatorError
+
+_STDERR: Final = 2
+
+
+def load_physics() -> None:
+    """Import PyBullet; its C code greets on the standard error output, which is closed to it.
+
+    Raises:
+        EmulatorError: it is not installed.
+    """
+    kept = os.dup(_STDERR)
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), _STDERR)
+    try:
+        import pybullet  # noqa: F401
+    except ModuleNotFoundError:
+        raise EmulatorError(
+            "the emulator needs PyBullet: pip install 'khepera-macor[emulator]'"
+        ) from None
+    finally:
+        os.dup2(kept, _STDERR)
+        os.close(kept)
