@@ -205,6 +205,29 @@ def test_a_watcher_survives_the_controller_going_and_coming_back():
         live_and_go(endpoint, watcher, commands=2)
 
 
+def test_a_state_that_came_before_the_sign_of_life_is_not_forgotten():
+    endpoint, key = free_endpoint(), KEYS[2]
+    text = a_state(driven=5).model_dump_json()
+    with (
+        open_session([endpoint], []) as session,
+        Watcher(session, "khepera") as watcher,
+        open_session([], [endpoint]) as other,
+    ):
+        wait_until_watched(other, key)
+        when = other.new_timestamp()
+
+        def answer(query):
+            with query:
+                query.reply(key, text, timestamp=when)
+
+        with other.declare_queryable(key, answer):
+            other.put(key, text, timestamp=when)
+            wait_for(watcher, lambda: watcher.watched.state is not None)
+            with other.liveliness().declare_token("macor/khepera/alive"):
+                wait_for(watcher, lambda: watcher.watched.alive)
+                wait_for(watcher, lambda: watcher.watched.state is not None)
+
+
 def test_a_payload_of_another_version_is_trouble_but_no_end():
     endpoint = free_endpoint()
     with (

@@ -20,6 +20,7 @@ from macor_hil.brain import Brain, Settings
 from macor_hil.drive import Driver
 from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
 from macor_hil.hardware import open_hardware
+from macor_hil.interruption import Interruption
 from macor_hil.map_file import save_map
 from macor_hil.robot import Khepera, open_port
 from macor_hil.service import Ending, ServiceConfig, serve
@@ -239,7 +240,7 @@ def test_a_keyboard_interrupt_from_elsewhere_stops_the_robot_too(config, tap):
     tap.assert_stopped()
 
 
-def test_an_impatient_second_ctrl_c_does_not_prevent_the_stop(config, tap):
+def test_impatient_ctrl_c_at_every_request_does_not_prevent_the_stop(config, tap):
     def interrupt():
         tap.meddle = lambda _: signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
@@ -247,6 +248,30 @@ def test_an_impatient_second_ctrl_c_does_not_prevent_the_stop(config, tap):
     tap.in_mid_drive(interrupt)
     assert serve(config).ending is Ending.INTERRUPTED
     tap.assert_stopped()
+    assert STOP in tap.requests[-3:]  # the second stop of a pair: its reply was waited for
+
+
+def test_a_signal_while_the_robot_is_being_stopped_waits_until_it_stands(config, tap):
+    def meddle(data):
+        if data.endswith(STOP) and tap.count(b"C") == 6:
+            tap.meddle = lambda _: None
+            signal.raise_signal(signal.SIGINT)
+
+    tap.meddle = meddle
+    report = serve(config)
+    assert (report.ending, report.signal) == (Ending.COMMANDS, "SIGINT")
+    tap.assert_stopped()
+
+
+def test_an_interruption_raises_once_and_then_holds_back_until_released():
+    with Interruption() as interruption:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)
+        assert interruption.name == "SIGTERM"
+        interruption.release()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
 
 
 def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(config, tap):

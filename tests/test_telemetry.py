@@ -111,6 +111,16 @@ def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint):
             assert stamp(state) == Stamp(sequence=0, time=9.0)
 
 
+def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoint):
+    with (
+        publishing(endpoint) as (session, publisher),
+        watching(endpoint, DECISION) as (watcher, samples),
+    ):
+        wait_until_watched(session, DECISION)
+        publisher.decision(a_decision())
+        assert ask(watcher, DECISION).ok.timestamp == receive(samples).timestamp
+
+
 def test_a_query_before_the_first_decision_is_told_so(endpoint):
     with publishing(endpoint), watching(endpoint) as (session,):
         assert ask(session, DECISION).err.payload.to_string() == "no decision yet"
@@ -185,8 +195,8 @@ with open_session([], [sys.argv[1]]) as session:
 
 
 def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
-    noise = np.random.default_rng(1).integers(0, 256, (160, 160, 3)).astype(np.uint8)
-    frame = Frame(noise, 0.0, 0)  # 600 of some 20 kB: more than the link's buffers hold
+    noise = np.random.default_rng(1).integers(0, 256, (200, 200, 3)).astype(np.uint8)
+    frame = Frame(noise, 0.0, 0)  # a thousand of some 40 kB: more than the link's buffers hold
     with publishing(endpoint) as (session, publisher):
         watcher = subprocess.Popen(
             [sys.executable, "-c", STUCK, endpoint],
@@ -199,7 +209,7 @@ def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
             wait_until_watched(session, FRAME, DECISION)
             os.kill(watcher.pid, signal.SIGSTOP)
             longest = 0.0
-            for sequence in range(600):
+            for sequence in range(1000):
                 start = time.perf_counter()
                 publisher.frame(frame)
                 publisher.decision(a_decision(sequence))
