@@ -67,8 +67,7 @@ def bar(share: float, width: int = _BAR_WIDTH) -> str:
 
 def _status(watched: Watched) -> Text:
     if not watched.alive:
-        gone = "it has gone; " if watched.met else ""
-        return Text(f"{gone}waiting for a controller...", style="yellow")
+        return Text(f"waiting for a controller...{_farewell(watched)}", style="yellow")
     if watched.state is None:
         return Text("there, nothing said yet", style="yellow")
     state = watched.state
@@ -77,6 +76,16 @@ def _status(watched: Watched) -> Text:
     if state.reason:
         text.append(f"  {_clean(state.reason)}", style="default not bold")
     return text
+
+
+def _farewell(watched: Watched) -> str:
+    """How the controller that has gone ended, as far as it said."""
+    state = watched.state
+    if not watched.met or state is None:
+        return ""
+    if state.phase in (Phase.STOPPED, Phase.FAILED):
+        return _clean(f"  the last one {state.phase.value}: {state.reason}")
+    return "  the last one vanished while " + state.phase.value
 
 
 def _add_state(rows: Table, state: State) -> None:
