@@ -120,7 +120,5 @@ def _restore(meta: dict[str, Any], arrays: dict[str, Any]) -> Brain:
     if weights.shape[1] != 2 * brain.fields.size or len(weights) > brain.settings.nodes:
         raise ValueError(f"weights of shape {weights.shape} do not fit the settings")
     brain.art.load(weights)
-    place = arrays["present"], arrays["past"]
-    brain.map.z[place] = arrays["z"]
-    brain.map.w_r[place] = arrays["w_r"]
+    brain.map.load(*(arrays[name] for name in ("present", "past", "z", "w_r")))
     return brain

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,7 @@ class Competence:
     sigma: float = 0.4
     w_max: float = 0.95
 
-    def __call__(self, z: NDArray[np.int64]) -> Array:
+    def __call__(self, z: NDArray[np.int64] | np.int64) -> Array:
         """w^c of transitions adapted z times; 0 for those that never occurred.
 
         The printed exponent has the other sign; the text (a weight "can quickly reach a maximum
@@ -43,6 +44,7 @@ class SensorimotorMap:
         commands: m, commands of each situation.
         z: how often each transition was adapted, shape (n m, n m), row i present, column j past.
         w_r: evaluation w^r_ij of each transition, same shape.
+        w_c: competence w^c_ij of each transition (equation 1), same shape.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class SensorimotorMap:
         size = nodes * commands
         self.z = np.zeros((size, size), dtype=np.int64)
         self.w_r = np.zeros((size, size))
+        self.w_c = np.zeros((size, size))
 
     @property
     def size(self) -> int:
@@ -71,7 +74,10 @@ class SensorimotorMap:
         """Adapt the transition j -> i that earned the reinforcement r (equation 2)."""
         self.z[i, j] += 1
         self.w_r[i, j] += (r - self.w_r[i, j]) / self.z[i, j]
+        self.w_c[i, j] = self.competence(self.z[i, j])
 
-    def w_c(self) -> Array:
-        """Competence w^c_ij of all transitions (equation 1), shape as z."""
-        return self.competence(self.z)
+    def load(self, present: Indices, past: Indices, z: Indices, w_r: Array) -> None:
+        """Take over stored transitions: neurons, counts and evaluations, all of shape (K,)."""
+        self.z[present, past] = z
+        self.w_r[present, past] = w_r
+        self.w_c = self.competence(self.z)

@@ -30,7 +30,7 @@ class Anticipative:
 
     def plan(self, memory: SensorimotorMap, start: int) -> Plan:
         """Evaluate the commands that can follow the neuron `start`."""
-        w_c = memory.w_c()
+        w_c = memory.w_c
         y_a, links, steps = self._spread(w_c, start)
         y_b = np.zeros(memory.size)
         successor = np.full(memory.size, -1)
