@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from macor_hil.planners.anticipative import Anticipative
+from macor_hil.planners.expected import Expected, pooled_outcomes
 from macor_hil.planners.planner import best_command
 from macor_hil.planners.reactive import Reactive
 from macor_hil.sensorimotor_map import Competence, SensorimotorMap
@@ -108,3 +109,35 @@ def test_planning_ends_and_sequences_never_meet_a_neuron_twice(
     # a transition whose neuron is reached better in another way is no alternative
     assert known <= tried
     assert (plan.command is None) == (not known)
+
+
+def test_expected_value_weighs_outcomes_by_their_counts() -> None:
+    memory = SensorimotorMap(6, 2)
+    # command 0 mostly earns 0.6, command 1 earned 0.9 once and 0 three times
+    for i, r in ((2, 0.6), (2, 0.6), (3, 0.9), (5, 0.0), (5, 0.0), (5, 0.0)):
+        memory.learn(0, i, r)
+    plan = Expected().plan(memory, 0)
+    assert plan.evaluations == (pytest.approx(0.6), pytest.approx(0.225))
+    assert plan.command == 0
+    # the paper's planner looks at the best outcome of each
+    assert plan.sequence == (2,)
+
+
+def test_expected_value_pools_the_ways_into_a_situation() -> None:
+    memory = SensorimotorMap(3, 2)
+    memory.learn(0, 2, 0.4)  # situation 0, entered by command 0
+    memory.learn(1, 2, 0.6)  # situation 0, entered by command 1
+    chance, r = pooled_outcomes(memory)
+    assert chance[0, 0].tolist() == [0.0, 1.0, 0.0]
+    assert r[0, 0, 1] == pytest.approx(0.5)
+
+
+def test_expected_value_is_the_discounted_sum_over_a_loop() -> None:
+    memory = memory_of((0, 0, 1.0))
+    plan = Expected(gamma=0.9, max_steps=500).plan(memory, 0)
+    assert plan.evaluations[0] == pytest.approx(1.0 / (1.0 - 0.9), rel=1e-3)
+
+
+def test_expected_value_without_any_transition_has_no_plan() -> None:
+    plan = Expected().plan(SensorimotorMap(3, 2), 1)
+    assert (plan.command, plan.sequence) == (None, ())

@@ -85,7 +85,7 @@ def _farewell(watched: Watched) -> str:
         return ""
     if state.phase in (Phase.STOPPED, Phase.FAILED):
         return _clean(f"  the last one {state.phase.value}: {state.reason}")
-    return "  the last one vanished while " + state.phase.value
+    return "  the last one vanished " + state.phase.value
 
 
 def _add_state(rows: Table, state: State) -> None:

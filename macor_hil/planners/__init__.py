@@ -5,10 +5,11 @@ from types import MappingProxyType
 from typing import Final
 
 from macor_hil.planners.anticipative import Anticipative
+from macor_hil.planners.expected import Expected
 from macor_hil.planners.planner import Planner
 from macor_hil.planners.reactive import Reactive
 
 PLANNERS: Final[Mapping[str, Callable[[], Planner]]] = MappingProxyType(
-    {"anticipative": Anticipative, "reactive": Reactive}
+    {"anticipative": Anticipative, "reactive": Reactive, "expected": Expected}
 )
 """Planners by their names on the command line."""
