@@ -51,7 +51,7 @@ def test_a_controller_that_has_gone_leaves_its_last_words():
     watched = a_watched()
     watched.alive = False
     text = text_of(watched)
-    assert "waiting for a controller...  the last one vanished while driving" in text
+    assert "waiting for a controller...  the last one vanished driving" in text
     assert "situation" in text
     watched.state = a_state(Phase.STOPPED, reason="collision")
     assert "waiting for a controller...  the last one stopped: collision" in text_of(watched)
