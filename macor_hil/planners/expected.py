@@ -6,15 +6,18 @@ is worth the mean over its outcomes k', weighed by their counts,
     Q(k, a) = sum over k' of p(k' | k, a) * ( w^r + gamma * max over a' of Q(k', a') ),
 
 which is the expected, discounted reinforcement (Bellman 1957). The counts of one situation are
-pooled over the commands that led into it: what a command does next hangs on where the robot is, not on how it
-got there, and pooling gives every estimate m times the evidence. The paper mentions "actual
-transition probabilities" as a variant that it gave up.
+pooled over the commands that led into it: what a command does hangs on where the robot is, not on
+how it got there, and pooling gives every estimate m times the evidence. The paper mentions
+"actual transition probabilities" as a variant that it gave up.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from macor_hil.planners.planner import Plan, best_command
 from macor_hil.sensorimotor_map import Array, SensorimotorMap
+
+Mask = NDArray[np.bool_]
 
 
 class Expected:
@@ -34,7 +37,7 @@ class Expected:
     def plan(self, memory: SensorimotorMap, start: int) -> Plan:
         """Evaluate the commands that can follow the neuron `start`."""
         chance, r = pooled_outcomes(memory)
-        tried = chance.any(axis=2)
+        tried: Mask = chance.sum(axis=2) > 0.0
         reward = (chance * r).sum(axis=2)
         q = np.zeros_like(reward)
         steps = 0
@@ -53,13 +56,13 @@ class Expected:
         return Plan(evaluations, command, _likeliest(chance, q, tried, node), steps)
 
 
-def _best(q: Array, tried: Array) -> Array:
+def _best(q: Array, tried: Mask) -> Array:
     """Value of the best command of each situation, 0 where none was ever tried."""
     best = np.where(tried, q, -np.inf).max(axis=1)
     return np.where(np.isfinite(best), best, 0.0)
 
 
-def _likeliest(chance: Array, q: Array, tried: Array, node: int) -> tuple[int, ...]:
+def _likeliest(chance: Array, q: Array, tried: Mask, node: int) -> tuple[int, ...]:
     """The likeliest sequence under the best commands, as neurons, to the first repetition."""
     commands = q.shape[1]
     sequence: list[int] = []
