@@ -7,6 +7,7 @@ name does.
 
 import tomllib
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -24,6 +25,12 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+def _check_stretches(points: list[Point]) -> None:
+    for start, end in pairwise(points):
+        if start == end:
+            raise ValueError(f"two points in a row are the same: {start}")
+
+
 class Wall(_Part):
     """A wall along a polyline of its foot points; its faces lie half a thickness beside it."""
 
@@ -34,9 +41,7 @@ class Wall(_Part):
 
     @model_validator(mode="after")
     def _has_length(self) -> Self:
-        for start, end in zip(self.points, self.points[1:], strict=False):
-            if start == end:
-                raise ValueError(f"two points in a row are the same: {start}")
+        _check_stretches(self.points)
         return self
 
 
@@ -50,7 +55,10 @@ class Cylinder(_Part):
 
 
 class Lamp(_Part):
-    """A light bulb at the height of the sensors, as bright as 50 W times `power`."""
+    """A light bulb that hangs above the robots, as bright as 50 W times `power`.
+
+    Its light is reckoned in the plane of the sensors; walls, posts and bodies stop it.
+    """
 
     centre: Point
     power: float = Field(default=1.0, gt=0.0, le=10.0)
@@ -71,6 +79,11 @@ class Corridor(_Part):
     half_width: float = Field(gt=0.0, le=5.0)
     heading_spread: float = Field(default=180.0, description="degrees", gt=0.0, le=180.0)
     gap: float = Field(default=0.03, description="least distance of the body to anything", ge=0.0)
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        _check_stretches(self.points)
+        return self
 
 
 class Arena(_Part):

@@ -16,6 +16,7 @@ from khepera_emulator.arena import arena_names, load_arena
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, MODELS, find_model
 from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
@@ -146,12 +147,28 @@ def run(
 
 
 @app.command()
-def arenas() -> None:
-    """List the arenas that come with the emulator."""
-    names = arena_names()
+def arenas(
+    name: Annotated[
+        str | None, typer.Argument(help="An arena's name, or path of a TOML file; all if absent.")
+    ] = None,
+    draw: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="PNG file to draw the named arena into.")
+    ] = None,
+) -> None:
+    """List the arenas that come with the emulator, or draw one from above."""
+    if draw is not None:
+        if name is None:
+            raise EmulatorError("--draw draws one arena: name it, or give the path of its file")
+        from khepera_emulator.picture import draw_arena
+
+        draw_arena(load_arena(name), draw)
+        return
+    names = arena_names() if name is None else [name]
     width = max(map(len, names))
-    for name in names:
-        typer.echo(f"{name:{width}}  {load_arena(name).title}")
+    for each in names:
+        arena = load_arena(each)
+        (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
+        typer.echo(f"{each:{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
 
 
 def main() -> None:

@@ -6,7 +6,6 @@ bytes at the same times give the same bytes back.
 """
 
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, radians, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -14,19 +13,17 @@ import numpy as np
 from khepera_emulator.arena import Arena
 from khepera_emulator.camera import Image, OmniCamera
 from khepera_emulator.drift import PRESETS, DriftSettings, draw_drift
-from khepera_emulator.errors import EmulatorError
 from khepera_emulator.firmware import Firmware
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
+from khepera_emulator.places import check_room, pose_of, random_pose
 from khepera_emulator.robot import Robot
 from khepera_emulator.uart import Uart, on_grid
 from khepera_emulator.world import World
 from protocol.mirror import Mirror
 from protocol.side_channel import Outline, Pose, Reset, Truth
 from protocol.units import CONTROL_PERIOD
-
-_PLACE_TRIES = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +76,7 @@ class Emulator:
         self.uart = Uart(setup.baud)
         self.now = 0.0
         self._plan = FloorPlan(setup.arena)
-        self._check_room(self.start_pose)
+        check_room(self.start_pose, self._gap)
         streams = _streams(setup.seed)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
@@ -92,8 +89,7 @@ class Emulator:
     @property
     def start_pose(self) -> Pose:
         """Where the arena puts a robot down."""
-        start = self.setup.arena.start
-        return Pose(x=start.x, y=start.y, heading=radians(start.heading))
+        return pose_of(self.setup.arena.start)
 
     def write(self, data: bytes) -> None:
         """The client puts bytes on the line, now."""
@@ -148,10 +144,10 @@ class Emulator:
         """
         streams = self._streams if reset.seed is None else _streams(reset.seed)
         if reset.random:
-            pose = self._random_pose(streams.places)
+            pose = random_pose(self.setup.arena.free, self._gap, streams.places)
         else:
             pose = reset.pose or self.start_pose
-            self._check_room(pose)
+            check_room(pose, self._gap)
         self.uart.clear()
         if reset.seed is None:
             self._robot.put_down(pose)
@@ -182,30 +178,3 @@ class Emulator:
 
     def _gap(self, pose: Pose) -> float:
         return self._plan.clearance(pose.x, pose.y) - self.setup.model.radius
-
-    def _check_room(self, pose: Pose) -> None:
-        if self._gap(pose) <= 0.0:
-            raise EmulatorError(
-                f"no room for the robot at x={pose.x:.3f} m, y={pose.y:.3f} m: something is there"
-            )
-
-    def _random_pose(self, rng: np.random.Generator) -> Pose:
-        free = self.setup.arena.free
-        points = np.array(free.points)
-        stretches = np.diff(points, axis=0)
-        lengths = np.hypot(*stretches.T)
-        for _ in range(_PLACE_TRIES):
-            along, aside, turn = rng.uniform([0, -1, -1], [lengths.sum(), 1, 1])
-            k = min(int(np.searchsorted(np.cumsum(lengths), along)), len(lengths) - 1)
-            along -= lengths[:k].sum()
-            ux, uy = stretches[k] / hypot(*stretches[k])
-            aside *= free.half_width
-            heading = atan2(uy, ux) + turn * radians(free.heading_spread)
-            pose = Pose(
-                x=float(points[k][0] + along * ux - aside * uy),
-                y=float(points[k][1] + along * uy + aside * ux),
-                heading=atan2(sin(heading), cos(heading)),
-            )
-            if self._gap(pose) >= free.gap:
-                return pose
-        raise EmulatorError(f"no free place for a robot found in {self.setup.arena.title!r}")

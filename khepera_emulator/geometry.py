@@ -10,7 +10,7 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
-from khepera_emulator.arena import Arena, Wall
+from khepera_emulator.arena import Arena, Point, Wall
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,15 @@ class Box:
     half_thickness: float
     height: float
     colour: tuple[float, float, float]
+
+    def corners(self) -> list[Point]:
+        """Its four corners, in metres, one after the other around it."""
+        along = self.half_length * self.ux, self.half_length * self.uy
+        across = -self.half_thickness * self.uy, self.half_thickness * self.ux
+        return [
+            (self.x + a * along[0] + b * across[0], self.y + a * along[1] + b * across[1])
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        ]
 
 
 def wall_boxes(wall: Wall) -> list[Box]:
@@ -71,6 +80,16 @@ class FloorPlan:
         walls = [box.colour for box in self.boxes]
         grey = [sum(colour) / 3 for colour in walls + [post.colour for post in arena.cylinder]]
         self._grey = np.array([*grey, 1.0])
+
+    def bounds(self) -> tuple[Point, Point]:
+        """Lower left and upper right corner of everything, in metres; empty: twice the origin."""
+        corners = [corner for box in self.boxes for corner in box.corners()]
+        for x, y, radius in self.posts:
+            corners += [(x - radius, y - radius), (x + radius, y + radius)]
+        if not corners:
+            return (0.0, 0.0), (0.0, 0.0)
+        xs, ys = zip(*corners, strict=True)
+        return (min(xs), min(ys)), (max(xs), max(ys))
 
     def clearance(self, x: float, y: float) -> float:
         """Distance in metres from a point to the nearest solid; 0 or less inside one."""

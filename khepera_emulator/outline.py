@@ -1,41 +1,34 @@
 """An arena as a drawing from above, for those who watch."""
 
-from math import cos, pi, radians, sin
+from math import cos, pi, sin
 
 from khepera_emulator.arena import Arena
-from khepera_emulator.geometry import Box, wall_boxes
+from khepera_emulator.geometry import wall_boxes
 from khepera_emulator.models import Model
-from protocol.side_channel import Outline, Pose, Solid
+from khepera_emulator.places import pose_of
+from protocol.side_channel import Outline, Solid
 
 _POST_CORNERS = 32
 
 
 def outline(arena: Arena, model: Model) -> Outline:
     """Everything that stands in an arena, with the size of the robot that drives in it."""
-    walls = [_box(box) for wall in arena.wall for box in wall_boxes(wall)]
+    walls = [
+        Solid(corners=box.corners(), colour=box.colour)
+        for wall in arena.wall
+        for box in wall_boxes(wall)
+    ]
     posts = [
         Solid(corners=_circle(post.centre, post.radius), colour=post.colour)
         for post in arena.cylinder
     ]
-    start = arena.start
     return Outline(
         title=arena.title,
         floor=arena.floor,
         solids=walls + posts,
-        start=Pose(x=start.x, y=start.y, heading=radians(start.heading)),
+        start=pose_of(arena.start),
         robot_radius=model.radius,
     )
-
-
-def _box(box: Box) -> Solid:
-    corners = [
-        (
-            box.x + along * box.half_length * box.ux - across * box.half_thickness * box.uy,
-            box.y + along * box.half_length * box.uy + across * box.half_thickness * box.ux,
-        )
-        for along, across in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    ]
-    return Solid(corners=corners, colour=box.colour)
 
 
 def _circle(centre: tuple[float, float], radius: float) -> list[tuple[float, float]]:

@@ -1,11 +1,21 @@
 """Arena files: the ones that come with the package load; a wrong one says what is wrong."""
 
+import sys
+from math import hypot
+
+import numpy as np
 import pytest
 
 from khepera_emulator.arena import arena_names, load_arena
+from khepera_emulator.cli import app
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.models import KHEPERA2
+from khepera_emulator.models import KHEPERA, KHEPERA2
+from khepera_emulator.places import check_room, pose_of, random_pose
+from protocol.side_channel import Pose
+
+COMMAND_WAY = 0.021
+"""Metres of one straight command of the paper's controller."""
 
 GOOD = """
 version = 1
@@ -17,12 +27,118 @@ points = [[0.5, -1.0], [0.5, 1.0]]
 """
 
 
+def gap_in(name, model=KHEPERA2):
+    plan = FloorPlan(load_arena(name))
+    return lambda pose: plan.clearance(pose.x, pose.y) - model.radius
+
+
+def test_the_arenas_that_come_with_the_package():
+    assert {
+        "corridor",
+        "corridor-18",
+        "corridor-mirror",
+        "lamp-room",
+        "maze",
+        "narrow-passage",
+        "open-box",
+        "s-curve",
+    } <= set(arena_names())
+
+
 @pytest.mark.parametrize("name", arena_names())
-def test_packaged_arena_has_room_at_its_start(name):
-    arena = load_arena(name)
-    plan = FloorPlan(arena)
-    assert plan.clearance(arena.start.x, arena.start.y) > KHEPERA2.radius
-    assert len(arena.free.points) >= 2
+def test_packaged_arena_has_room_at_its_start_and_at_random_places(name):
+    arena, gap = load_arena(name), gap_in(name)
+    check_room(pose_of(arena.start), gap)
+    rng = np.random.default_rng(0)
+    places = [random_pose(arena.free, gap, rng) for _ in range(50)]
+    assert min(map(gap, places)) >= arena.free.gap
+    assert max(hypot(p.x - places[0].x, p.y - places[0].y) for p in places) > 0.2
+
+
+@pytest.mark.parametrize("name", arena_names())
+def test_the_middle_of_the_free_strip_is_free(name):
+    arena, gap = load_arena(name), gap_in(name)
+    if arena.cylinder:
+        pytest.skip("posts stand in the strip")
+    for begin, end in zip(arena.free.points, arena.free.points[1:], strict=False):
+        for x, y in np.linspace(begin, end, 50):
+            assert gap(Pose(x=x, y=y, heading=0.0)) > 0.0
+
+
+@pytest.mark.parametrize("name", ["corridor", "corridor-mirror", "s-curve", "corridor-18"])
+def test_a_straight_drive_collides_in_the_eighth_command(name):
+    start, gap = pose_of(load_arena(name).start), gap_in(name, KHEPERA)
+    gaps = [gap(start.model_copy(update={"x": start.x + n * COMMAND_WAY})) for n in (7, 8)]
+    assert gaps[0] > 0.0 > gaps[1]
+
+
+def test_the_mirror_image_of_the_corridor_is_one():
+    plan, mirrored = FloorPlan(load_arena("corridor")), FloorPlan(load_arena("corridor-mirror"))
+    for x, y in np.random.default_rng(0).uniform([-0.2, -0.2], [1.2, 1.2], (300, 2)):
+        assert plan.clearance(x, y) == pytest.approx(mirrored.clearance(x, -y))
+
+
+@pytest.mark.parametrize(("name", "width"), [("corridor", 0.25), ("corridor-18", 0.18)])
+def test_widths(name, width):
+    plan = FloorPlan(load_arena(name))
+    for x, y in ((0.4, 0.0), (1.0, 0.6)):
+        assert plan.clearance(x, y) == pytest.approx(width / 2)
+
+
+def reachable(name, model, step=0.01):
+    """Centres of squares of the floor that a robot's middle can get to from the start."""
+    arena, gap = load_arena(name), gap_in(name, model)
+    first = (round(arena.start.x / step), round(arena.start.y / step))
+    seen, border = {first}, [first]
+    while border:
+        i, j = border.pop()
+        for near in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            if near not in seen and gap(Pose(x=near[0] * step, y=near[1] * step, heading=0)) > 0:
+                seen.add(near)
+                border.append(near)
+    return {(i * step, j * step) for i, j in seen}
+
+
+@pytest.mark.parametrize(("name", "goal"), [("maze", (0.88, 0.72)), ("narrow-passage", (0.4, 0.0))])
+def test_both_robots_can_get_to_the_end(name, goal):
+    places = reachable(name, KHEPERA2)
+    assert min(hypot(x - goal[0], y - goal[1]) for x, y in places) < 0.01
+    (x0, y0), (x1, y1) = FloorPlan(load_arena(name)).bounds()
+    assert all(x0 < x < x1 and y0 < y < y1 for x, y in places)
+
+
+def run(capsys, *arguments):
+    app(["arenas", *arguments], prog_name="khepera-emulator", standalone_mode=False)
+    return capsys.readouterr().out.splitlines()
+
+
+def test_arenas_are_listed_with_title_and_size(capsys):
+    lines = run(capsys)
+    assert [line.split()[0] for line in lines] == arena_names()
+    (line,) = [line for line in lines if line.startswith("open-box ")]
+    assert line.split(maxsplit=1)[1] == "1.02 x 1.02 m  Open box of 1 m, one wall red"
+    assert run(capsys, "open-box") == ["open-box  1.02 x 1.02 m  Open box of 1 m, one wall red"]
+
+
+@pytest.mark.parametrize("name", ["lamp-room", "maze"])
+def test_an_arena_is_drawn(tmp_path, capsys, name):
+    path = tmp_path / "arena.png"
+    assert run(capsys, name, "--draw", str(path)) == []
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert path.stat().st_size > 5000
+
+
+def test_drawing_without_matplotlib_says_what_to_install(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(EmulatorError, match=r"needs Matplotlib.*'pictures'"):
+        run(capsys, "maze", "--draw", str(tmp_path / "arena.png"))
+
+
+def test_a_drawing_that_cannot_be_made_is_told(tmp_path, capsys):
+    with pytest.raises(EmulatorError, match="name it"):
+        run(capsys, "--draw", str(tmp_path / "arena.png"))
+    with pytest.raises(EmulatorError, match=r"cannot write .*nowhere"):
+        run(capsys, "maze", "--draw", str(tmp_path / "nowhere" / "arena.png"))
 
 
 def test_an_arena_of_ones_own(tmp_path):
@@ -45,6 +161,7 @@ def test_an_arena_of_ones_own(tmp_path):
         (("[0.5, -1.0], ", ""), "wall.0.points"),
         (("0.5, -1.0", "0.5, 1.0"), "two points in a row are the same"),
         (("half_width = 0.05", "half_width = 0.0"), "free.half_width"),
+        (("[0.1, 0.0]]", "[0.0, 0.0]]"), "two points in a row are the same"),
         (("[[wall]]", "colour = 3\n[[wall]]"), "colour"),
         (("[[wall]]", "[[walls]]"), "walls"),
         (("version = 1", "version ="), "not TOML"),

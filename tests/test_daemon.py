@@ -288,7 +288,7 @@ class TestCommandLine:
     def test_arenas_are_listed_with_their_titles(self, monkeypatch, capfd):
         status, out, _ = self.run(monkeypatch, capfd, "arenas")
         assert status == 0
-        assert f"corridor  {load_arena('corridor').title}\n" in out.replace("   ", " ")
+        assert f"m  {load_arena('corridor').title}\n" in out
 
     def test_help_has_examples(self, monkeypatch, capfd):
         status, out, _ = self.run(monkeypatch, capfd, "run", "--help")

@@ -1,0 +1,117 @@
+"""An arena drawn from above into a PNG file, with its start and where random starts lie."""
+
+from itertools import pairwise
+from math import atan2, cos, degrees, hypot, sin
+from pathlib import Path
+from typing import Any
+
+from khepera_emulator.arena import Arena
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.geometry import FloorPlan
+from khepera_emulator.models import KHEPERA, Model
+from khepera_emulator.outline import outline
+from protocol.side_channel import Pose
+
+_WIDTH = 4.8
+"""Inches of the picture's longer side."""
+
+_MARGIN = 0.05
+"""Metres of floor around everything."""
+
+_LAMP_GLOW = (0.015, 0.03)
+"""Radii in metres of the rings that stand for a lamp's light."""
+
+
+def draw_arena(arena: Arena, path: Path, model: Model = KHEPERA) -> None:
+    """Draw an arena from above.
+
+    Args:
+        arena: what to draw.
+        path: PNG file to write.
+        model: the robot that is drawn at the start.
+
+    Raises:
+        EmulatorError: Matplotlib is not installed, or the file cannot be written.
+    """
+    figure, axes = _canvas(arena)
+    drawing = outline(arena, model)
+    _draw_free_strip(axes, arena)
+    for lamp in arena.lamp:
+        _draw_lamp(axes, lamp.centre, lamp.power)
+    for solid in drawing.solids:
+        axes.fill(*zip(*solid.corners, strict=True), color=solid.colour, linewidth=0, zorder=3)
+    _draw_robot(axes, drawing.start, drawing.robot_radius)
+    axes.set_title(arena.title, fontsize=9)
+    try:
+        figure.savefig(path, dpi=100, format="png")
+    except OSError as error:
+        raise EmulatorError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _canvas(arena: Arena) -> tuple[Any, Any]:
+    try:
+        # the Figure class alone: no window system, no global state
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise EmulatorError(
+            "drawing needs Matplotlib, which is not installed; install the extra 'pictures'"
+        ) from None
+    (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
+    width, height = x1 - x0 + 2 * _MARGIN, y1 - y0 + 2 * _MARGIN
+    scale = _WIDTH / max(width, height)
+    # room for the title and the numbers at the axes
+    figure = Figure(figsize=(max(width * scale, 3.0) + 0.6, height * scale + 0.7))
+    figure.set_layout_engine("constrained")
+    axes = figure.add_subplot()
+    axes.set_facecolor(arena.floor)
+    axes.set_aspect("equal")
+    axes.set_xlim(x0 - _MARGIN, x1 + _MARGIN)
+    axes.set_ylim(y0 - _MARGIN, y1 + _MARGIN)
+    axes.set_xlabel("x in m", fontsize=8)
+    axes.set_ylabel("y in m", fontsize=8)
+    axes.tick_params(labelsize=7)
+    return figure, axes
+
+
+def _draw_free_strip(axes: Any, arena: Arena) -> None:
+    from matplotlib.patches import Rectangle
+
+    # one even colour, also where two stretches overlap
+    lighter = [0.85 * share + 0.15 for share in arena.floor]
+    for (x0, y0), (x1, y1) in pairwise(arena.free.points):
+        length, half = hypot(x1 - x0, y1 - y0), arena.free.half_width
+        ux, uy = (x1 - x0) / length, (y1 - y0) / length
+        axes.add_patch(
+            Rectangle(
+                (x0 + half * uy, y0 - half * ux),
+                length,
+                2 * half,
+                angle=degrees(atan2(uy, ux)),
+                color=lighter,
+                linewidth=0,
+                zorder=1,
+            )
+        )
+
+
+def _draw_lamp(axes: Any, centre: tuple[float, float], power: float) -> None:
+    from matplotlib.patches import Circle
+
+    for radius in _LAMP_GLOW:
+        axes.add_patch(
+            Circle(centre, radius * power**0.5, color="gold", alpha=0.3, linewidth=0, zorder=2)
+        )
+    axes.plot(*centre, marker="*", color="gold", markersize=9, zorder=5)
+
+
+def _draw_robot(axes: Any, pose: Pose, radius: float) -> None:
+    from matplotlib.patches import Circle
+
+    axes.add_patch(Circle((pose.x, pose.y), radius, facecolor="white", edgecolor="black", zorder=6))
+    axes.plot(
+        [pose.x, pose.x + 2 * radius * cos(pose.heading)],
+        [pose.y, pose.y + 2 * radius * sin(pose.heading)],
+        color="red",
+        linewidth=1.5,
+        zorder=7,
+    )
