@@ -20,7 +20,8 @@ from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, MODELS, find_model
 from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
-from khepera_emulator.ports.pty import FIRST_RATE, PtyPort
+from khepera_emulator.ports.opening import open_port
+from khepera_emulator.ports.pty import FIRST_RATE
 from protocol.side_channel import DEFAULT_ENDPOINT
 
 _FAILED: Final = 2
@@ -37,6 +38,9 @@ Talk to it from a shell:
 
 Without drift, ten times faster, on a line that takes no time:
 [cyan]khepera-emulator run --drift none --speed 10 --baud unpaced[/cyan]
+
+On the network of this machine, for pySerial's socket://127.0.0.1:4000:
+[cyan]khepera-emulator run --tcp 127.0.0.1:4000[/cyan]
 
 A second robot on the same machine:
 [cyan]khepera-emulator run --robot second --link runs/second --listen tcp/127.0.0.1:7449[/cyan]
@@ -86,6 +90,21 @@ def run(
             " or a number of bits a second.",
         ),
     ] = "auto",
+    tcp: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="A TCP port instead of a terminal; port 0: a free one."
+        ),
+    ] = None,
+    rfc2217: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="A serial port server (RFC 2217) instead of a terminal."
+        ),
+    ] = None,
+    expose: Annotated[
+        bool, typer.Option("--expose", help="Let other machines reach --tcp and --rfc2217.")
+    ] = False,
     link: Annotated[
         Path | None, typer.Option(help="Symbolic link to make to the terminal.")
     ] = None,
@@ -111,7 +130,7 @@ def run(
 ) -> None:
     """Switch a robot on, and leave it on until Ctrl-C or SIGTERM.
 
-    Prints one line: the robot's name, its terminal, and the link to it.
+    Prints one line: the robot's name, its terminal or URL, and the link to it.
     """
     logging.basicConfig(
         level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
@@ -130,19 +149,21 @@ def run(
             baud=_parse_baud(baud),
         )
         _check_robot(robot)
+        if link and (tcp or rfc2217):
+            raise EmulatorError("--link points to a terminal, and --tcp and --rfc2217 have none")
         name = stack.enter_context(Link(link) if link else nullcontext())
         emulator = Emulator(setup)
         stack.callback(emulator.close)
         channel = None
         if zenoh:
             channel = stack.enter_context(SideChannel(robot, [listen], connect or [], camera_rate))
-        port = PtyPort()
+        port = open_port(tcp=tcp, rfc2217=rfc2217, expose=expose)
         stack.callback(port.close)
         daemon = Daemon(emulator, port, Clock(speed), follow_rate=baud == "auto", channel=channel)
         stack.enter_context(_signals_call(daemon.stop))
         if name:
-            name.point_to(port.path)
-        typer.echo(f"{robot} on {port.path}" + (f", link {link}" if link else ""))
+            name.point_to(port.url)
+        typer.echo(f"{robot} on {port.url}" + (f", link {link}" if link else ""))
         daemon.run()
 
 

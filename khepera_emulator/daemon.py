@@ -11,7 +11,7 @@ from contextlib import suppress
 
 from khepera_emulator.clock import Clock
 from khepera_emulator.emulator import Emulator
-from khepera_emulator.ports.pty import PtyPort
+from khepera_emulator.ports.port import Port
 from khepera_emulator.side_channel import SideChannel
 
 _log = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ _LEFT_BEHIND = 4096
 
 
 class Daemon:
-    """Serves one emulated robot on a pseudo-terminal, and on a side channel if there is one.
+    """Serves one emulated robot on a port, and on a side channel if there is one.
 
     Args:
         emulator: the robot; its clock must not have begun.
@@ -53,7 +53,7 @@ class Daemon:
     def __init__(
         self,
         emulator: Emulator,
-        port: PtyPort,
+        port: Port,
         clock: Clock,
         *,
         follow_rate: bool = True,
@@ -95,9 +95,7 @@ class Daemon:
         `select` keeps its time-out to a tenth of a millisecond; `poll` and `epoll` round it up
         to a whole one, half a character at 9600.
         """
-        readers = [self._port.watch, self._stop]
-        if self._room():
-            readers.append(self._port.line)
+        readers = [self._stop, *self._port.descriptors(room=self._room() > 0)]
         if self._channel:
             readers.append(self._channel.fileno())
         select.select(readers, (), (), self._delay())
@@ -139,8 +137,9 @@ class Daemon:
     def _receive(self, chunks: list[bytes]) -> None:
         emulator = self._emulator
         if self._follow_rate:
-            # a rate without a name keeps the one before
-            emulator.uart.baud = self._port.rate() or emulator.uart.baud
+            # a port that tells nothing keeps the rate before
+            settings = self._port.settings()
+            emulator.uart.baud = settings.baud if settings else emulator.uart.baud
         for chunk in chunks:
             if not chunk:
                 emulator.hang_up()

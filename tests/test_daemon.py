@@ -152,6 +152,17 @@ class TestClients:
             assert ask(port, b"B\n") == VERSION
 
 
+class TestNetwork:
+    @pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
+    @pytest.mark.filterwarnings("ignore::DeprecationWarning")
+    def test_url_that_was_announced_can_be_opened(self, scheme):
+        option = "--tcp" if scheme == "socket" else "--rfc2217"
+        with emulator("--no-zenoh", option, "127.0.0.1:0") as running:
+            assert running.announcement.startswith(f"khepera on {scheme}://127.0.0.1:")
+            with serial.serial_for_url(running.path, timeout=PATIENCE) as port:
+                assert ask(port, b"B\n") == VERSION
+
+
 class TestWireTime:
     """Lower bounds only: a busy machine may always be late."""
 
@@ -267,6 +278,7 @@ class TestCommandLine:
             (["--baud", "fast"], "--baud fast: give auto, unpaced, or a rate such as 38400"),
             (["--robot", "a/b"], "--robot 'a/b': a name is made of letters"),
             (["--zenoh", "--listen", "nonsense"], "cannot open a Zenoh session on nonsense"),
+            (["--tcp", "127.0.0.1:0"], "--link points to a terminal"),
         ],
     )
     def test_error_is_one_sentence_and_leaves_nothing(
@@ -277,6 +289,20 @@ class TestCommandLine:
         assert err.startswith(f"khepera-emulator: {sentence}")
         assert err.count("\n") == 1
         assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize(
+        ("options", "sentence"),
+        [
+            (["--tcp", "4000"], "'4000' is no address; give HOST:PORT"),
+            (["--rfc2217", "0.0.0.0:0"], "0.0.0.0:0 can be reached from other machines"),
+            (["--tcp", "127.0.0.1:0", "--rfc2217", "127.0.0.1:0"], "--tcp and --rfc2217:"),
+        ],
+    )
+    def test_port_that_cannot_be_is_one_sentence(self, monkeypatch, capfd, options, sentence):
+        status, out, err = self.run(monkeypatch, capfd, "run", "--no-zenoh", *options)
+        assert (status, out) == (2, "")
+        assert err.startswith(f"khepera-emulator: {sentence}")
+        assert err.count("\n") == 1
 
     def test_file_at_the_place_of_the_link_is_kept(self, monkeypatch, capfd, tmp_path):
         (tmp_path / "khepera").write_text("precious")

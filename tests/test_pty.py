@@ -9,8 +9,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+import serial
 
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort
 
@@ -164,7 +166,7 @@ class TestSettings:
             assert rate == termios.B9600
             assert not output & termios.OPOST
             assert not local & (termios.ECHO | termios.ICANON)
-        assert port.rate() == 9600
+        assert port.settings() == LineFormat(9600, stop=1)
 
     @pytest.mark.parametrize("rate", [1200, 9600, 19200, 38400, 57600, 115200])
     def test_rate_is_the_clients(self, port, rate):
@@ -172,16 +174,20 @@ class TestSettings:
             settings = termios.tcgetattr(terminal)
             settings[4] = settings[5] = getattr(termios, f"B{rate}")
             termios.tcsetattr(terminal, termios.TCSANOW, settings)
-            assert port.rate() == rate
+            assert port.settings().baud == rate
         received(port)
-        assert port.rate() == rate  # as `stty` wants it
+        assert port.settings().baud == rate  # as `stty` wants it
 
-    def test_rate_without_a_name_is_none(self, port):
+    def test_rate_may_be_any_number(self, port):
+        with serial.Serial(port.path, 31250, stopbits=2):
+            assert port.settings() == LineFormat(31250, stop=2)
+
+    def test_rate_of_zero_is_none(self, port):
         with client(port) as terminal:
             settings = termios.tcgetattr(terminal)
             settings[4] = settings[5] = termios.B0
             termios.tcsetattr(terminal, termios.TCSANOW, settings)
-            assert port.rate() is None
+            assert port.settings() is None
 
     @pytest.mark.parametrize("request_line", [b"", b"N\n"])
     def test_end_with_the_client_that_set_them(self, port, request_line):

@@ -13,6 +13,7 @@ import errno
 import fcntl
 import os
 import select
+import sys
 import termios
 import tty
 from contextlib import ExitStack, suppress
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.watch import CLOSED_READABLE, OPENED, WRITTEN, Watch
 
 FIRST_RATE = 9600
@@ -31,7 +33,11 @@ _RATES: Final = {
     if name[0] == "B" and name[1:].isdecimal() and name != "B0"
 }
 _ALL = 1 << 16
-_ISPEED, _OSPEED = 4, 5
+_CFLAG, _ISPEED, _OSPEED = 2, 4, 5
+_TCGETS2: Final = 0x802C542A
+"""Linux's request for settings with the rate as a number, on x86, ARM and RISC-V."""
+
+_TERMIOS2_SIZE: Final = 44
 
 
 @dataclass(slots=True)
@@ -103,19 +109,32 @@ class PtyPort:
         os.close(self._master)
 
     @property
-    def line(self) -> int:
-        """Descriptor that becomes readable when a client has written, or the last has left."""
-        return self._master
+    def url(self) -> str:
+        """What a pySerial client opens: the terminal's path."""
+        return self.path
 
-    @property
-    def watch(self) -> int:
-        """Descriptor that becomes readable when a client opens, writes or closes."""
-        return self._watch.fileno()
+    def descriptors(self, *, room: bool) -> list[int]:
+        """Descriptors that become readable when clients come, write or leave."""
+        return [self._watch.fileno(), *([self._master] if room else [])]
 
-    def rate(self) -> int | None:
-        """Bits a second that the client has set; None for a rate without a name."""
-        rate: int = termios.tcgetattr(self._master)[_OSPEED]
-        return _RATES.get(rate)
+    def settings(self) -> LineFormat | None:
+        """What the client has set; None for a rate of zero.
+
+        A pseudo-terminal has eight data bits and no parity, whatever its clients ask for.
+        """
+        settings = termios.tcgetattr(self._master)
+        rate = _RATES.get(settings[_OSPEED]) or self._odd_rate()
+        stop = 2 if settings[_CFLAG] & termios.CSTOPB else 1
+        return LineFormat(rate, stop=stop) if rate else None
+
+    def _odd_rate(self) -> int | None:
+        """A rate without a name of its own, where this system tells."""
+        termios2 = bytearray(_TERMIOS2_SIZE)
+        try:
+            fcntl.ioctl(self._master, _TCGETS2, termios2)
+        except OSError:
+            return None
+        return int.from_bytes(termios2[-4:], sys.byteorder) or None
 
     def receive(self, limit: int) -> list[bytes]:
         """What clients have done since the last call, in order.

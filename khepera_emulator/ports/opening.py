@@ -1,0 +1,27 @@
+"""Which port a robot gets: one of the kinds there are, a pseudo-terminal if none is named."""
+
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.ports.port import Port
+from khepera_emulator.ports.pty import PtyPort
+from khepera_emulator.ports.rfc2217 import Rfc2217Port
+from khepera_emulator.ports.tcp import TcpPort
+
+
+def open_port(*, tcp: str | None = None, rfc2217: str | None = None, expose: bool = False) -> Port:
+    """Open the port that is asked for.
+
+    Args:
+        tcp: HOST:PORT of a bare TCP port.
+        rfc2217: HOST:PORT of a telnet port after RFC 2217.
+        expose: allow addresses that other machines can reach.
+
+    Raises:
+        EmulatorError: both are given, or the system refuses.
+    """
+    if tcp is not None and rfc2217 is not None:
+        raise EmulatorError("--tcp and --rfc2217: a robot has one line; give one of them")
+    if tcp is not None:
+        return TcpPort(tcp, expose=expose)
+    if rfc2217 is not None:
+        return Rfc2217Port(rfc2217, expose=expose)
+    return PtyPort()

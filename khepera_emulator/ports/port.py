@@ -1,0 +1,45 @@
+"""What the daemon needs of a port: the client's end of the serial line, whatever carries it."""
+
+from typing import Protocol
+
+from khepera_emulator.line_coding import LineFormat
+
+
+class Port(Protocol):
+    """Client side of a robot's line; nothing here waits.
+
+    Attributes:
+        dropped: bytes to clients that did not fit because they do not read.
+    """
+
+    dropped: int
+
+    @property
+    def url(self) -> str:
+        """What a pySerial client opens."""
+
+    def descriptors(self, *, room: bool) -> list[int]:
+        """Descriptors that become readable when clients come, write or leave.
+
+        Args:
+            room: whether bytes will be taken; without it a client that writes wakes nobody.
+        """
+
+    def settings(self) -> LineFormat | None:
+        """What the client has set; None if nothing tells."""
+
+    def receive(self, limit: int) -> list[bytes]:
+        """What clients have done since the last call, in order.
+
+        Args:
+            limit: bytes to take at most; the rest stays with the client.
+
+        Returns:
+            Bytes that were written; an empty chunk says that the client has left.
+        """
+
+    def write(self, data: bytes) -> None:
+        """Hand bytes to the client; what it has no room for is dropped and counted."""
+
+    def close(self) -> None:
+        """Hang up."""

@@ -1,0 +1,328 @@
+"""TCP and RFC 2217: one client at a time, its bytes and settings, and what is refused."""
+
+import select
+import socket
+import threading
+from contextlib import contextmanager, suppress
+
+import pytest
+import serial
+from serial import rfc2217
+
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.ports.opening import open_port
+from khepera_emulator.ports.pty import PtyPort
+from khepera_emulator.ports.rfc2217 import Rfc2217Port
+from khepera_emulator.ports.tcp import TcpPort, tcp_address
+
+PATIENCE = 30.0
+MUCH = 4096
+KINDS = pytest.mark.parametrize("port", [TcpPort, Rfc2217Port], indirect=True)
+
+
+@pytest.fixture
+def port(request):
+    opened = getattr(request, "param", TcpPort)("127.0.0.1:0")
+    yield opened
+    opened.close()
+
+
+@contextmanager
+def client(port, **options):
+    host, number = tcp_address(port.url.partition("//")[2])
+    with socket.create_connection((host, number), timeout=PATIENCE, **options) as connection:
+        yield connection
+
+
+def received(port, count, limit=MUCH):
+    """What clients do, until there are so many bytes and goodbyes of it."""
+    chunks = []
+    while sum(len(chunk) or 1 for chunk in chunks) < count:
+        assert select.select(port.descriptors(room=True), (), (), PATIENCE)[0]
+        chunks += port.receive(limit)
+    return chunks
+
+
+def admitted(port, count=1):
+    """Wait for clients at the door and let them in, or not."""
+    for _ in range(count):
+        assert select.select(port.descriptors(room=False)[:1], (), (), PATIENCE)[0]
+        assert port.receive(MUCH) == []
+
+
+def all_of(connection):
+    data = b""
+    while more := connection.recv(MUCH):
+        data += more
+    return data
+
+
+def exactly(connection, count):
+    data = b""
+    while len(data) < count:
+        data += connection.recv(count - len(data))
+    return data
+
+
+class TestBytes:
+    def test_pass_unchanged_in_both_directions(self, port):
+        every_byte = bytes(range(256))
+        with client(port) as connection:
+            connection.sendall(every_byte)
+            assert received(port, 256) == [every_byte]
+            port.write(every_byte)
+            assert exactly(connection, 256) == every_byte
+
+    def test_beyond_the_limit_stay_with_the_client(self, port):
+        with client(port) as connection:
+            connection.sendall(b"abcdef")
+            assert received(port, 4, 4) == [b"abcd"]
+            assert port.receive(0) == []
+            assert received(port, 2, 4) == [b"ef"]
+
+    @KINDS
+    def test_that_nobody_reads_are_dropped_and_counted(self, port):
+        with client(port):
+            admitted(port)
+            for _ in range(1000):
+                port.write(b"x" * 10_000)
+            assert port.dropped > 2_000_000
+
+    @KINDS
+    def test_to_nobody_are_no_loss(self, port):
+        port.write(b"x")
+        assert port.receive(MUCH) == []
+
+
+class TestClients:
+    def test_leave_after_their_last_byte(self, port):
+        with client(port) as connection:
+            connection.sendall(b"abcdef")
+        assert received(port, 7, 4) == [b"abcd", b"ef", b""]
+
+    @KINDS
+    def test_beyond_the_first_are_told_why_and_turned_away(self, port):
+        with client(port) as first:
+            admitted(port)
+            name = "{}:{}".format(*first.getsockname())
+            for _ in range(3):
+                with client(port) as second:
+                    admitted(port)
+                    said = all_of(second)
+                assert said == (
+                    f"the robot's line is in use by {name}: one client at a time\r\n".encode()
+                )
+            first.sendall(b"N\n")
+            assert received(port, 2) == [b"N\n"]
+
+    def test_take_the_place_of_one_that_has_left_unseen(self, port):
+        with client(port) as first:
+            admitted(port)
+            first.sendall(b"O\nE\n")
+        with client(port) as second:
+            second.sendall(b"B\n")
+            assert received(port, 7) == [b"O\nE\n", b"", b"B\n"]
+            port.write(b"b\r\n")
+            assert exactly(second, 3) == b"b\r\n"
+
+    def test_that_leave_without_reading_have_their_requests_taken(self, port):
+        with client(port) as connection:
+            connection.sendall(b"N\n")
+            assert received(port, 2) == [b"N\n"]
+            port.write(b"n\r\n")
+            connection.sendall(b"O\n")
+        # they went with unread bytes: the system breaks the connection at once
+        assert received(port, 3) == [b"O\n", b""]
+        port.write(b"o\r\n")
+        assert port.dropped == 0
+
+    @KINDS
+    def test_are_told_of_the_end(self, port):
+        with client(port) as connection:
+            admitted(port)
+            port.close()
+            all_of(connection)
+
+    def test_may_come_and_go_often(self, port):
+        for turn in range(100):
+            with client(port) as connection:
+                connection.sendall(b"%03d\n" % turn)
+            assert received(port, 5) == [b"%03d\n" % turn, b""]
+
+
+IAC_SB = rfc2217.IAC + rfc2217.SB
+IAC_SE = rfc2217.IAC + rfc2217.SE
+
+
+def setting(option, value):
+    return IAC_SB + rfc2217.COM_PORT_OPTION + option + value + IAC_SE
+
+
+@pytest.mark.parametrize("port", [Rfc2217Port], indirect=True)
+class TestTelnet:
+    @staticmethod
+    def taken(port, connection, data):
+        """Bytes for the robot in what a client sends; the marker says that all has come."""
+        connection.sendall(data + b"\x00end")
+        seen = b""
+        while not seen.endswith(b"\x00end"):
+            [chunk] = received(port, 1)
+            seen += chunk
+        return seen[:-4]
+
+    def test_settings_are_the_clients(self, port):
+        assert port.settings() == LineFormat(9600)
+        with client(port) as connection:
+            data = (
+                setting(rfc2217.SET_BAUDRATE, (38400).to_bytes(4, "big"))
+                + b"B"
+                + setting(rfc2217.SET_DATASIZE, b"\x07")
+                + setting(rfc2217.SET_PARITY, b"\x03")
+                + setting(rfc2217.SET_STOPSIZE, b"\x02")
+            )
+            assert self.taken(port, connection, data) == b"B"
+            assert port.settings() == LineFormat(38400, 7, "E", 2)
+
+    def test_every_byte_passes_in_both_directions(self, port):
+        every_byte = bytes(range(256))
+        escaped = every_byte.replace(b"\xff", b"\xff\xff")
+        with client(port) as connection:
+            assert self.taken(port, connection, escaped) == every_byte
+            assert b"".join(self.taken(port, connection, bytes([b])) for b in b"N\n") == b"N\n"
+            port.write(every_byte)
+            port.close()
+            assert all_of(connection).endswith(escaped)
+
+    @pytest.mark.parametrize(
+        "nonsense",
+        [
+            IAC_SE,
+            setting(rfc2217.SET_BAUDRATE, b"\x01"),
+            setting(rfc2217.SET_BAUDRATE, b"\xfe" * 4),
+            setting(rfc2217.SET_PARITY, b"\x63"),
+            setting(rfc2217.SET_DATASIZE, b"\x63"),
+            setting(rfc2217.SET_STOPSIZE, b"\x63"),
+            setting(rfc2217.SET_LINESTATE_MASK, b""),
+            setting(b"\x63", b"x" * 10),
+            IAC_SB + IAC_SE,
+            rfc2217.IAC + rfc2217.DO + b"\x63" + rfc2217.IAC + rfc2217.WILL + b"\x63",
+            rfc2217.IAC + b"\x00",
+        ],
+    )
+    def test_nonsense_changes_nothing(self, port, nonsense):
+        with client(port) as connection:
+            assert self.taken(port, connection, nonsense + b"B\n") == b"B\n"
+            assert port.settings() == LineFormat(9600)
+
+    def test_an_option_without_an_end_is_forgotten(self, port):
+        with client(port) as connection:
+            assert self.taken(port, connection, IAC_SB + b"x" * 1000 + b"B\n").endswith(b"xB\n")
+
+    def test_a_client_that_never_reads_is_dropped_in_the_end(self, port):
+        ask = setting(rfc2217.SET_BAUDRATE, bytes(4)) * 100
+        with client(port) as connection:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            admitted(port)
+            connection.setblocking(False)
+            goodbye = []
+            while not goodbye:
+                select.select((), (connection,), (), 0.01)
+                with suppress(OSError):
+                    connection.send(ask)
+                goodbye = [chunk for chunk in port.receive(1 << 16) if not chunk]
+
+    def test_no_escape_is_cut_in_half(self, port):
+        with client(port) as connection:
+            admitted(port)
+            written = 0
+            while not port.dropped:
+                port.write(b"\xff" * 1001)
+                written += 1001
+            kept = written - port.dropped
+            data = b""
+            while (start := data.find(b"\xff" * 8)) < 0 or len(data) - start < 2 * kept:
+                data += connection.recv(1 << 16)
+                port.receive(MUCH)
+            port.write(b"x")
+            port.close()
+            data += all_of(connection)
+        assert data[start:] == b"\xff" * (2 * kept) + b"x"
+
+    @pytest.mark.filterwarnings("ignore::DeprecationWarning")
+    def test_pyserial_opens_it(self, port):
+        """The whole of pySerial's negotiation, with its own client."""
+        seen = []
+
+        def serve():
+            while b"" not in seen:
+                select.select(port.descriptors(room=True), (), (), PATIENCE)
+                seen.extend(port.receive(MUCH))
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        with serial.serial_for_url(port.url, baudrate=19200, parity="O", bytesize=7) as there:
+            assert port.settings() == LineFormat(19200, 7, "O", 1)
+            there.baudrate = 57600
+            there.dtr = there.rts = False
+            there.reset_input_buffer()
+            assert port.settings() == LineFormat(57600, 7, "O", 1)
+            assert (there.cts, there.dsr, there.ri, there.cd) == (False,) * 4
+            there.write(b"\xffB\n")
+        thread.join(PATIENCE)
+        assert b"".join(seen) == b"\xffB\n"
+
+
+class TestAddress:
+    @pytest.mark.parametrize(
+        ("text", "parts"),
+        [
+            ("127.0.0.1:4000", ("127.0.0.1", 4000)),
+            ("localhost:0", ("localhost", 0)),
+            ("[::1]:65535", ("::1", 65535)),
+        ],
+    )
+    def test_is_host_and_port(self, text, parts):
+        assert tcp_address(text) == parts
+
+    @pytest.mark.parametrize("text", ["", "4000", ":4000", "host:", "host:x", "h:65536", "h:-1"])
+    def test_is_nothing_else(self, text):
+        with pytest.raises(EmulatorError, match="give HOST:PORT"):
+            tcp_address(text)
+
+    @pytest.mark.parametrize("address", ["0.0.0.0:0", "[::]:0"])
+    def test_beyond_this_machine_has_to_be_allowed(self, address):
+        with pytest.raises(EmulatorError, match="add --expose"):
+            TcpPort(address)
+        try:
+            port = TcpPort(address, expose=True)
+        except EmulatorError as error:
+            pytest.skip(str(error))  # a machine without IPv6
+        port.close()
+
+    def test_in_use_is_refused(self, port):
+        with pytest.raises(EmulatorError, match=r"cannot listen on 127.0.0.1:\d+: Address already"):
+            TcpPort(port.url.partition("//")[2])
+
+    def test_of_nobody_is_refused(self):
+        with pytest.raises(EmulatorError, match="no address nowhere"):
+            TcpPort("nowhere.invalid:1")
+
+
+class TestChoice:
+    @pytest.mark.parametrize(
+        ("options", "kind"),
+        [
+            ({}, PtyPort),
+            ({"tcp": "127.0.0.1:0"}, TcpPort),
+            ({"rfc2217": "127.0.0.1:0"}, Rfc2217Port),
+        ],
+    )
+    def test_is_one_port(self, options, kind):
+        port = open_port(**options)
+        assert type(port) is kind
+        port.close()
+
+    def test_is_not_two(self):
+        with pytest.raises(EmulatorError, match="a robot has one line"):
+            open_port(tcp="127.0.0.1:0", rfc2217="127.0.0.1:0")
