@@ -1,0 +1,65 @@
+"""Q-learning, the implicitly planning system that the paper compares with (section 2.3).
+
+An evaluation weight stores not only what the next transition earns but also, discounted, what can
+be earned after it. In the paper's indices: j the preceding neuron, i the present one, k and l
+the ones after it,
+
+    w^r_ij <- w^r_ij + 1 / z_ij * ( r + gamma * w^r_ki - w^r_ij )        (3)
+    w^r_ki  = max over l of w^r_li                                      (4)
+
+With gamma = 0 this is equation 2 ("weak Q-learning"). The maximum is taken over transitions that
+have occurred; after a collision, or where nothing has followed yet, there is none, and 0 stands
+for it. Competence weights are not used.
+"""
+
+from macor_hil.planners.planner import Plan, best_command
+from macor_hil.sensorimotor_map import SensorimotorMap
+
+
+class QMap(SensorimotorMap):
+    """A sensorimotor map whose evaluations follow equations 3 and 4.
+
+    Args:
+        nodes: n, situations.
+        commands: m, commands of each situation.
+        gamma: discount, 0.9 in the paper.
+    """
+
+    def __init__(self, nodes: int, commands: int, gamma: float = 0.9) -> None:
+        super().__init__(nodes, commands)
+        self.gamma = gamma
+
+    def learn(self, j: int, i: int, r: float) -> None:
+        """Adapt the transition j -> i that earned r; what can follow i is known."""
+        self._adapt(j, i, r + self.gamma * self._best_after(i))
+
+    def learn_last(self, j: int, i: int, r: float) -> None:
+        """Adapt the transition j -> i that earned r and ended in a collision: nothing follows."""
+        self._adapt(j, i, r)
+
+    def _adapt(self, j: int, i: int, target: float) -> None:
+        # equation 2 with another target
+        super().learn(j, i, target)
+
+    def _best_after(self, i: int) -> float:
+        """Equation 4: the best evaluation of a transition that has followed i."""
+        followed = self.z[:, i] > 0
+        return float(self.w_r[followed, i].max()) if followed.any() else 0.0
+
+
+class QLearning:
+    """Takes the command of the best stored evaluation; nothing is simulated."""
+
+    def plan(self, memory: SensorimotorMap, start: int) -> Plan:
+        """Evaluate the commands that can follow the neuron `start`."""
+        w_r, z = memory.w_r[:, start], memory.z[:, start]
+        best: list[float | None] = []
+        ends: list[int] = []
+        for a in range(memory.commands):
+            outcomes = [i for i in range(a, memory.size, memory.commands) if z[i] > 0]
+            end = max(outcomes, key=lambda i: w_r[i], default=-1)
+            best.append(float(w_r[end]) if outcomes else None)
+            ends.append(end)
+        command = best_command(tuple(best))
+        sequence = () if command is None else (ends[command],)
+        return Plan(tuple(best), command, sequence, 0)
