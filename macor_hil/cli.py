@@ -17,7 +17,7 @@ from rich.table import Table
 from macor_hil.agent import Agent
 from macor_hil.brain import Brain, Settings
 from macor_hil.checkpoints import checkpoint_path, train_map
-from macor_hil.demo import DemoSettings, run_demo
+from macor_hil.demo import DEFAULT_SEED, DemoSettings, run_demo
 from macor_hil.drive import Driver
 from macor_hil.errors import MacorError, MapError
 from macor_hil.hardware import Hardware, is_embedded, open_hardware
@@ -60,7 +60,7 @@ app = typer.Typer(
     epilog=_EXAMPLES,
 )
 
-_DEFAULT_PORT = "khepera://corridor"
+_DEFAULT_PORT = f"khepera://corridor?seed={DEFAULT_SEED}"
 _DEFAULT_MAP = Path("runs/corridor.npz")
 
 PortOption = Annotated[
@@ -92,7 +92,7 @@ def train(
     camera: CameraOption = "auto",
     baud: BaudOption = 9600,
     map_file: MapOption = _DEFAULT_MAP,
-    seed: SeedOption = 1,
+    seed: SeedOption = DEFAULT_SEED,
     nodes: Annotated[int, typer.Option(min=1, help="Most situations there can be.")] = 50,
     vigilance: Annotated[float, typer.Option(min=0.0, max=1.0, help="Fuzzy ART's rho.")] = 0.9,
     tuning: Annotated[
@@ -148,7 +148,7 @@ def trials(
         list[str] | None, typer.Option(help="Planner; give several. Default: all.")
     ] = None,
     count: Annotated[int, typer.Option("--trials", min=1, help="Trials of each planner.")] = 10,
-    seed: SeedOption = 1,
+    seed: SeedOption = DEFAULT_SEED,
 ) -> None:
     """Score planners on a map: trials of 40 commands at most, from starts near the arena's own."""
     brain, _ = load_map(map_file)
@@ -205,7 +205,7 @@ def run(
         list[str], typer.Option(metavar="ENDPOINT", help="Where watchers find this controller.")
     ] = [CONTROLLER_ENDPOINT],  # noqa: B006 - typer copies it
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    seed: SeedOption = 1,
+    seed: SeedOption = DEFAULT_SEED,
 ) -> None:
     """Drive a robot live by a map, publishing frames and decisions over Zenoh.
 
