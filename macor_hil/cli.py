@@ -11,7 +11,14 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from macor_hil.agent import Agent
@@ -58,6 +65,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     epilog=_EXAMPLES,
+)
+
+_COLUMNS = (
+    TextColumn("{task.description}"),
+    BarColumn(),
+    MofNCompleteColumn(),
+    TimeRemainingColumn(),
 )
 
 _DEFAULT_PORT = f"khepera://corridor?seed={DEFAULT_SEED}"
@@ -294,6 +308,38 @@ def demo(
         sys.exit(1)
 
 
+@app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10 --workers 2[/cyan]")
+def reproduce(
+    name: Annotated[str, typer.Argument(help="A figure or table of the paper, or all.")],
+    seeds: Annotated[int, typer.Option(min=1, help="Training seeds: 1 to this number.")] = 30,
+    workers: Annotated[int, typer.Option(min=1, help="Processes to share the work.")] = 1,
+    out: Annotated[Path, typer.Option(help="For recordings, results and the report.")] = Path(
+        "runs/reproduction"
+    ),
+) -> None:
+    """Run an experiment of the paper over many training seeds, and write a report page.
+
+    What is done stays done: a run that was interrupted goes on when started again.
+    """
+    try:
+        from macor_hil.experiments import catalogue, runner
+    except ImportError as error:
+        raise MacorError(
+            f"{error.name} is not installed; install the extra 'experiments'"
+        ) from None
+    chosen = catalogue.find(name)
+    with Progress(*_COLUMNS, console=Console(stderr=True)) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def watch(what: str, done: int, of: int) -> None:
+            if done == 0:
+                tasks[what] = bars.add_task(what, total=of)
+            bars.update(tasks[what], completed=done)
+
+        page = runner.reproduce(chosen, seeds, workers, out, watch)
+    typer.echo(str(page))
+
+
 def _line(decision: Decision) -> str:
     values = "  ".join(
         f"{a.command} {'  -  ' if a.evaluation is None else f'{a.evaluation:5.2f}'}"
@@ -322,13 +368,7 @@ def _hardware(
 
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[int], None]]:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with Progress(*_COLUMNS, console=Console(stderr=True)) as bar:
         task = bar.add_task("driving", total=total)
         yield lambda done: bar.update(task, completed=done)
 

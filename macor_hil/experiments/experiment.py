@@ -1,0 +1,54 @@
+"""What every experiment offers."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from matplotlib.figure import Figure
+
+from macor_hil.experiments.blocks import Block
+from macor_hil.experiments.recording import Drive, Recordings
+from macor_hil.experiments.results import Result, Results
+
+
+class Settings(Protocol):
+    """What the settings of every experiment hold: a frozen dataclass."""
+
+    @property
+    def drive(self) -> Drive:
+        """The training drive that its systems learn from."""
+        ...
+
+    @property
+    def arenas(self) -> tuple[str, ...]:
+        """Every arena that its trials are driven in."""
+        ...
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment: one file of this folder.
+
+    Attributes:
+        name: on the command line.
+        title: in the report.
+        settings: with the paper's values.
+        trial: a pure function of settings and seed; recordings are an argument because they are
+            kept, not because they could differ.
+        draw: pictures of the results by name.
+        tell: the report's text, the paper's numbers beside ours.
+        results: name under which results are kept, for experiments that share trials.
+    """
+
+    name: str
+    title: str
+    settings: Any
+    trial: Callable[[Any, int, Recordings], Result]
+    draw: Callable[[Any, Results], Mapping[str, Figure]]
+    tell: Callable[[Any, Results], Sequence[Block]]
+    results: str = ""
+
+    @property
+    def kept_as(self) -> str:
+        """Name under which results are kept."""
+        return self.results or self.name

@@ -1,0 +1,222 @@
+"""Recordings: one training drive of a seed, kept once for all systems that learn from it.
+
+Driving is what costs. A recording holds what came from the eyes (untuned features of every
+frame) and what went to the motors, over a whole training drive; every system of the seed learns
+from it afterwards. The drive is that of `macor_hil.training`: the paper's random commands, then
+commands selected reactively by the map learned so far, that of Fuzzy ART.
+"""
+
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from macor_hil.brain import Brain, Settings
+from macor_hil.clustering.fuzzy_art import Resonance
+from macor_hil.drive import COMMANDS, Driver, MotorCommand, Outcome
+from macor_hil.experiments.results import key_of
+from macor_hil.experiments.sources import digest
+from macor_hil.hardware import open_hardware
+from macor_hil.map_file import load_map, save_map, write_atomically
+from macor_hil.reinforcement import Reinforcement
+from macor_hil.robot import Khepera
+from macor_hil.training import Schedule, Trainer
+from macor_hil.vision.receptive_fields import Features
+
+PUT_DOWN: Final = -1
+"""Stands for the command of a frame that was seen where the robot had been put down."""
+
+_NO_PART: Final = (
+    "macor_hil/clustering/clusterer",
+    "macor_hil/clustering/neural_gas",
+    "macor_hil/planners/__init__",
+    "macor_hil/trials",
+    "macor_hil/planners/expected",
+    "macor_hil/planners/q_learning",
+)
+"""Code that learns from recordings and has no part in making them."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The training drive that is recorded (section 3.1)."""
+
+    arena: str = "corridor"
+    """Where it is driven."""
+    drift: str = "default"
+    """How much the robots' wheels differ; each seed is another robot."""
+    tuning: int = 400
+    """Commands driven first to tune the receptive fields; not recorded."""
+    random: int = 11_000
+    """Randomly selected commands."""
+    reactive: int = 2_000
+    """Reactively selected commands after them."""
+    brain: Settings = field(default_factory=Settings)
+    """Eyes, and the Fuzzy ART that selects reactively."""
+
+    def port(self, seed: int) -> str:
+        """Port of the robot of a seed."""
+        return f"khepera://{self.arena}?seed={seed}&drift={self.drift}"
+
+    def schedule(self, seed: int) -> Schedule:
+        """What is driven for a seed."""
+        return Schedule(self.tuning, self.random, self.reactive, seed=seed)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A training drive: T frames in their order.
+
+    Attributes:
+        brain: the controller that drove, with its tuned receptive fields and what it learned.
+        raw: untuned features of every frame, shape (T, M).
+        commands: index of the command that led to each frame, or PUT_DOWN, shape (T,).
+        collided: whether that command ended in a collision, shape (T,).
+        robot_seconds: how long the whole drive took the robot, on its own clock.
+    """
+
+    brain: Brain
+    raw: Features
+    commands: NDArray[np.int64]
+    collided: NDArray[np.bool_]
+    robot_seconds: float
+
+    @property
+    def inputs(self) -> Features:
+        """Features x of every frame, tuned, shape (T, M)."""
+        return self.brain.fields.tune(self.raw)
+
+    def reinforcement(self, earns: Reinforcement) -> NDArray[np.float64]:
+        """What each frame's command earns, shape (T,); 0 where the robot was put down."""
+        table = np.array([[earns(motor, hit) for hit in (False, True)] for motor in COMMANDS])
+        driven = self.commands != PUT_DOWN
+        return np.where(driven, table[self.commands, self.collided.astype(int)], 0.0)
+
+    def frames_of(self, commands: int) -> int:
+        """Number of frames up to the one after so many commands, that one included."""
+        driven = np.cumsum(self.commands != PUT_DOWN)
+        return min(int(np.searchsorted(driven, commands)) + 1, len(driven))
+
+
+def record(drive: Drive, seed: int) -> Recording:
+    """Drive a training over a `khepera://` port in virtual time and record it.
+
+    Raises:
+        RobotError, CameraError, BenchError: the hardware or the emulator fails.
+    """
+    reel = _Reel()
+    brain = _WatchedBrain(drive.brain, reel)
+    schedule = drive.schedule(seed)
+    with open_hardware(drive.port(seed)) as hardware:
+        driver = _WatchedDriver(hardware.robot, reel)
+        trainer = Trainer(brain, driver, hardware.camera, hardware.bench, schedule)
+        for session in schedule.sessions():
+            trainer.run(session, lambda _: None)
+        seconds = hardware.robot.clock()
+    return Recording(
+        brain,
+        np.array(reel.raw),
+        np.array(reel.commands, dtype=np.int64),
+        np.array(reel.collided, dtype=np.bool_),
+        round(seconds, 3),
+    )
+
+
+class _Reel:
+    """Collects frames, each with what led to it."""
+
+    def __init__(self) -> None:
+        self.raw: list[Features] = []
+        self.commands: list[int] = []
+        self.collided: list[bool] = []
+        self.last = PUT_DOWN, False
+
+    def add(self, raw: Features) -> None:
+        self.raw.append(raw)
+        self.commands.append(self.last[0])
+        self.collided.append(self.last[1])
+
+
+class _WatchedDriver(Driver):
+    """A driver that tells the reel what it does."""
+
+    def __init__(self, robot: Khepera, reel: _Reel) -> None:
+        super().__init__(robot)
+        self._reel = reel
+
+    def start(self) -> None:
+        super().start()
+        self._reel.last = PUT_DOWN, False
+
+    def execute(self, command: MotorCommand) -> Outcome:
+        outcome = super().execute(command)
+        self._reel.last = COMMANDS.index(command), outcome.collided
+        return outcome
+
+
+class _WatchedBrain(Brain):
+    """A brain that tells the reel what it sees (tuning happens on another brain, unwatched)."""
+
+    def __init__(self, settings: Settings, reel: _Reel) -> None:
+        super().__init__(settings)
+        self._reel = reel
+
+    def recognise(self, raw: Features, *, learn: bool) -> Resonance:
+        self._reel.add(raw)
+        return super().recognise(raw, learn=learn)
+
+
+class Recordings:
+    """Recordings in a folder, made when they are asked for and not there.
+
+    The folder's name holds a digest of settings and code: other settings, or other code, never
+    find these recordings.
+
+    Args:
+        folder: where all recordings are kept.
+        drive: what is recorded.
+    """
+
+    def __init__(self, folder: Path, drive: Drive) -> None:
+        self.drive = drive
+        self.key = key_of(drive, digest([drive.arena], _NO_PART))
+        self.folder = folder / self.key
+
+    def has(self, seed: int) -> bool:
+        """Whether the recording of a seed is there."""
+        return self._frames(seed).exists()
+
+    def make(self, seed: int) -> None:
+        """Record a seed's training drive if it is not there."""
+        if not self.has(seed):
+            self._save(seed, record(self.drive, seed))
+
+    def __getitem__(self, seed: int) -> Recording:
+        """The recording of a seed, the same whether it was there or is made now."""
+        self.make(seed)
+        brain, facts = load_map(self._map(seed))
+        with np.load(self._frames(seed), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        return Recording(brain, robot_seconds=facts["robot_seconds"], **arrays)
+
+    def _save(self, seed: int, recording: Recording) -> None:
+        facts = {"port": self.drive.port(seed), "robot_seconds": recording.robot_seconds}
+        save_map(self._map(seed), recording.brain, facts)
+        buffer = io.BytesIO()
+        np.savez(
+            buffer,
+            raw=recording.raw,
+            commands=recording.commands,
+            collided=recording.collided,
+        )
+        # last: a recording is there when its frames are
+        write_atomically(self._frames(seed), buffer.getvalue())
+
+    def _map(self, seed: int) -> Path:
+        return self.folder / f"seed-{seed:04}.map.npz"
+
+    def _frames(self, seed: int) -> Path:
+        return self.folder / f"seed-{seed:04}.frames.npz"

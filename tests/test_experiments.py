@@ -1,0 +1,260 @@
+"""Experiments from recording to report, with tiny settings."""
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from macor_hil.brain import Brain, Settings
+from macor_hil.clustering.clusterer import situations
+from macor_hil.clustering.fuzzy_art import FuzzyArt
+from macor_hil.drive import COMMANDS, Driver
+from macor_hil.errors import MacorError
+from macor_hil.experiments.catalogue import EXPERIMENTS, find
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings
+from macor_hil.experiments.results import ResultsFile, only_one
+from macor_hil.experiments.runner import COSTS, reproduce
+from macor_hil.experiments.sources import NO_PART, bare_code, digest
+from macor_hil.experiments.systems import Course, learn_transitions
+from macor_hil.experiments.table1 import FIGURE5, TABLE1
+from macor_hil.hardware import open_hardware
+from macor_hil.reinforcement import Reinforcement
+from macor_hil.sensorimotor_map import SensorimotorMap
+from macor_hil.training import Trainer
+
+DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
+COURSE = Course(trials=2, commands=2)
+
+
+def silent(*_: object) -> None:
+    """Nobody watches."""
+
+
+def tiny(experiment: Experiment, **changes: object) -> Experiment:
+    settings = replace(experiment.settings, drive=DRIVE, nodes=8, course=COURSE, **changes)
+    return replace(experiment, settings=settings)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
+    return Recordings(tmp_path_factory.mktemp("recordings"), DRIVE)
+
+
+@pytest.fixture(scope="module")
+def recording(recordings: Recordings) -> Recording:
+    return recordings[1]
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Table 1 and figure 5 of three seeds."""
+    out = tmp_path_factory.mktemp("out")
+    reproduce([tiny(TABLE1), tiny(FIGURE5)], 3, 1, out, silent)
+    return out
+
+
+@pytest.fixture
+def recorded(sweep: Path, tmp_path: Path) -> Path:
+    """A folder in which only the recordings of these seeds are."""
+    shutil.copytree(sweep / "recordings", tmp_path / "recordings")
+    return tmp_path
+
+
+def results_of(out: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (out / "results").iterdir()}
+
+
+def test_a_recording_holds_every_command(recording: Recording) -> None:
+    driven = recording.commands != PUT_DOWN
+    assert driven.sum() == DRIVE.random + DRIVE.reactive
+    assert recording.commands[0] == PUT_DOWN
+    assert not recording.collided[~driven].any()
+    assert recording.inputs.shape == (len(recording.commands), 36)
+    assert recording.inputs.min() >= 0.0
+    assert recording.inputs.max() <= 1.0
+    assert recording.frames_of(1) == 2
+    assert recording.frames_of(10_000) == len(driven)
+    # a command of 2.1 cm takes well over half a second
+    assert recording.robot_seconds > 0.5 * 40
+
+
+def test_learning_from_a_recording_gives_the_map_of_a_live_training(recording: Recording) -> None:
+    schedule = DRIVE.schedule(1)
+    live = Brain(DRIVE.brain)
+    with open_hardware(DRIVE.port(1)) as hardware:
+        driver = Driver(hardware.robot)
+        trainer = Trainer(live, driver, hardware.camera, hardware.bench, schedule)
+        for session in schedule.sessions():
+            trainer.run(session, lambda _: None)
+    art = FuzzyArt(36, 8, DRIVE.brain.vigilance, DRIVE.brain.alpha)
+    memory = SensorimotorMap(8, len(COMMANDS))
+    nodes = situations(art, recording.inputs, learn=True)
+    learn_transitions(memory, nodes, recording, Reinforcement())
+    assert (art.weights == live.art.weights).all()
+    assert (memory.z == live.map.z).all()
+    assert (memory.w_r == live.map.w_r).all()
+    assert memory.w_c == pytest.approx(live.map.w_c)
+
+
+def test_a_recording_is_kept(recordings: Recordings, recording: Recording) -> None:
+    assert recordings.has(1)
+    assert not recordings.has(2)
+    again = recordings[1]
+    assert (again.raw == recording.raw).all()
+    assert again.robot_seconds == recording.robot_seconds
+    other = Recordings(recordings.folder.parent, replace(DRIVE, random=25))
+    assert not other.has(1)
+
+
+def test_reinforcement_follows_what_commands_earn(recording: Recording) -> None:
+    r = recording.reinforcement(Reinforcement(straight=3.0, turn=2.0, collision=-1.0))
+    straight = (recording.commands == 2) & ~recording.collided
+    assert (r[straight] == 3.0).all()
+    assert (r[recording.collided] == -1.0).all()
+    assert (r[recording.commands == PUT_DOWN] == 0.0).all()
+
+
+def test_results_are_json_lines_by_seed(sweep: Path) -> None:
+    ((name, data),) = results_of(sweep).items()
+    assert name.startswith("table1-")
+    header, *lines = map(json.loads, data.splitlines())
+    assert header["settings"]["nodes"] == 8
+    assert [line["seed"] for line in lines] == [1, 2, 3]
+    trials = lines[0]["result"]["trials"]
+    assert [len(done) for done in trials.values()] == [2] * 5
+    for done in trials.values():
+        assert len(done[0]["path"]) == len(done[0]["r"]) + 1 <= 3
+
+
+def test_any_number_of_workers_gives_the_same_bytes(sweep: Path, recorded: Path) -> None:
+    # two are recorded by two processes, the third is there
+    for path in (recorded / "recordings").glob("*/seed-000[12].frames.npz"):
+        path.unlink()
+    reproduce([tiny(TABLE1)], 3, 2, recorded, silent)
+    assert results_of(recorded) == results_of(sweep)
+
+
+def test_a_broken_off_sweep_goes_on_and_does_nothing_twice(sweep: Path, recorded: Path) -> None:
+    done: list[str] = []
+
+    def stop(what: str, count: int, _: int) -> None:
+        done.append(what)
+        if (what, count) == ("table1", 2):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        reproduce([tiny(TABLE1)], 3, 1, recorded, stop)
+    (path,) = (recorded / "results").iterdir()
+    assert len(path.read_bytes().splitlines()) == 3
+    with path.open("ab") as file:
+        file.write(b'{"seed": 3, "resu')  # a kill in mid-line
+    again: list[tuple[str, int, int]] = []
+    reproduce([tiny(TABLE1)], 3, 1, recorded, lambda *said: again.append(said))
+    assert again == [("table1", 0, 1), ("table1", 1, 1)]
+    assert results_of(recorded) == results_of(sweep)
+    costs = [json.loads(line) for line in (recorded / COSTS).read_text().splitlines()]
+    assert sorted((c["what"], c["seed"]) for c in costs) == [("table1", k) for k in (1, 2, 3)]
+
+
+def test_more_seeds_are_added_to_those_that_are_there(sweep: Path, recorded: Path) -> None:
+    reproduce([tiny(TABLE1)], 2, 1, recorded, silent)
+    reproduce([tiny(TABLE1)], 3, 1, recorded, silent)
+    assert results_of(recorded) == results_of(sweep)
+
+
+def test_other_settings_never_mix(sweep: Path, recorded: Path) -> None:
+    shutil.copytree(sweep / "results", recorded / "results")
+    reproduce([tiny(TABLE1, gamma=0.5)], 1, 1, recorded, silent)
+    before, after = results_of(sweep), results_of(recorded)
+    assert len(after) == len(before) + 1
+    assert before.items() <= after.items()
+
+
+def test_results_of_something_else_are_refused(tmp_path: Path) -> None:
+    file = ResultsFile(tmp_path, "table1", DRIVE, "code")
+    file.write({1: {"a": 1}})
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes().replace(b'"code":"code"', b'"code":"other"'))
+    with pytest.raises(MacorError, match="holds results of something else"):
+        file.read()
+    path.write_bytes(b"flour\n")
+    with pytest.raises(MacorError, match="is damaged"):
+        file.read()
+
+
+def test_two_sweeps_never_write_to_one_folder(tmp_path: Path) -> None:
+    with only_one(tmp_path), pytest.raises(MacorError, match="another sweep"):
+        reproduce([tiny(TABLE1)], 1, 1, tmp_path, silent)
+
+
+def test_comments_and_docstrings_do_not_count_as_code() -> None:
+    plain = bare_code("def f(x):\n    return x + 1\n")
+    assert bare_code('def f(x):\n    """Adds."""\n    return (x + 1)  # one\n') == plain
+    assert bare_code("def f(x):\n    return x + 2\n") != plain
+
+
+def test_code_counts_that_a_drive_loads() -> None:
+    program = (
+        "import sys; from macor_hil.hardware import open_hardware; import macor_hil.training\n"
+        "with open_hardware('khepera://corridor') as h: h.camera.grab()\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    loaded = {name.replace(".", "/") for name in done.stdout.split()}
+    assert "khepera_emulator/world" in loaded
+    assert loaded & NO_PART == set()
+    assert digest(["corridor"]) != digest(["corridor-mirror"])
+    with pytest.raises(MacorError, match="no arena 'moon'"):
+        digest(["moon"])
+
+
+class Page(HTMLParser):
+    """Collects the pictures and checks that all tags are closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.pictures: list[str] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "img":
+            self.pictures.append(dict(attrs)["src"] or "")
+        elif tag not in ("meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_the_report_shows_every_picture_and_the_paper_s_numbers(sweep: Path) -> None:
+    page = Page((sweep / "report" / "index.html").read_text())
+    assert page.open == []
+    assert page.pictures == ["table1-lengths.png", "figure5-trajectories.png"]
+    for name in page.pictures:
+        picture = cv2.imread(str(sweep / "report" / name))
+        assert picture is not None
+        assert np.ptp(picture) > 200
+    for number in ("29.2", "14.2", "15.6", "8.6", "11.7"):
+        assert number in page.text
+
+
+def test_names_lead_to_experiments() -> None:
+    assert find("all") == EXPERIMENTS
+    assert find("figure5") == (FIGURE5,)
+    with pytest.raises(MacorError, match="no experiment 'figure9'; give one of"):
+        find("figure9")
