@@ -16,6 +16,7 @@ from khepera_emulator.arena import arena_names, load_arena
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.faults import Fault, parse_fault, parse_script
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, MODELS, find_model
 from khepera_emulator.physics import load_physics
@@ -87,7 +88,7 @@ def run(
         typer.Option(
             metavar="auto|unpaced|N",
             help="Rate of the line: the one the client has set; none, the line takes no time;"
-            " or a number of bits a second.",
+            " or a number of bits a second: clients at another rate read and send garbage.",
         ),
     ] = "auto",
     tcp: Annotated[
@@ -105,6 +106,18 @@ def run(
     expose: Annotated[
         bool, typer.Option("--expose", help="Let other machines reach --tcp and --rfc2217.")
     ] = False,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SPEC",
+            help="Something that goes wrong on the line, such as drop:p=0.001 or"
+            " cut:at=10,for=2 (see docs/faults.md); repeatable.",
+        ),
+    ] = None,
+    fault_script: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A schedule of faults, TIME SPEC a line."),
+    ] = None,
     link: Annotated[
         Path | None, typer.Option(help="Symbolic link to make to the terminal.")
     ] = None,
@@ -147,6 +160,7 @@ def run(
             drift=parse_drift(drift),
             seed=seed,
             baud=_parse_baud(baud),
+            faults=_faults(fault or [], fault_script),
         )
         _check_robot(robot)
         if link and (tcp or rfc2217):
@@ -210,6 +224,16 @@ def _parse_baud(text: str) -> int | None:
     if not _BAUD.fullmatch(text):
         raise EmulatorError(f"--baud {text}: give auto, unpaced, or a rate such as 38400")
     return int(text)
+
+
+def _faults(specs: list[str], script: Path | None) -> tuple[Fault, ...]:
+    faults = tuple(map(parse_fault, specs))
+    if script is None:
+        return faults
+    try:
+        return faults + parse_script(script.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise EmulatorError(f"cannot read the fault script {script}: {error}") from None
 
 
 def _check_robot(name: str) -> None:

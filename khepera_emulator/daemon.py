@@ -43,7 +43,8 @@ class Daemon:
         emulator: the robot; its clock must not have begun.
         port: its serial line.
         clock: the time it lives in.
-        follow_rate: take the line's rate from the client's settings.
+        follow_rate: take the line's rate from the client's settings; otherwise a client with
+            other settings than the robot's reads and sends garbage.
         channel: camera, ground truth and reset.
 
     Attributes:
@@ -117,7 +118,11 @@ class Daemon:
         return delay
 
     def _room(self) -> int:
-        return max(0, _TAKE - self._emulator.uart.arriving())
+        uart = self._emulator.uart
+        # garbled or lost bytes take their time on the line too
+        if uart.received_by() - self._emulator.now > uart.wire_time(_TAKE):
+            return 0
+        return max(0, _TAKE - uart.arriving())
 
     def _serve_line(self) -> None:
         emulator, port = self._emulator, self._port
@@ -136,10 +141,11 @@ class Daemon:
 
     def _receive(self, chunks: list[bytes]) -> None:
         emulator = self._emulator
-        if self._follow_rate:
-            # a port that tells nothing keeps the rate before
-            settings = self._port.settings()
-            emulator.uart.baud = settings.baud if settings else emulator.uart.baud
+        settings = self._port.settings()
+        if not self._follow_rate:
+            emulator.uart.client = settings
+        elif settings:  # a port that tells nothing keeps the rate before
+            emulator.uart.baud = settings.baud
         for chunk in chunks:
             if not chunk:
                 emulator.hang_up()

@@ -5,6 +5,7 @@ brings physics, interpreter and line to a given time, in the caller's thread, so
 bytes at the same times give the same bytes back.
 """
 
+import logging
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ import numpy as np
 from khepera_emulator.arena import Arena
 from khepera_emulator.camera import Image, OmniCamera
 from khepera_emulator.drift import PRESETS, DriftSettings, draw_drift
+from khepera_emulator.faults import Fault, Faults, Happening
 from khepera_emulator.firmware import Firmware
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, Model
@@ -25,6 +27,8 @@ from protocol.mirror import Mirror
 from protocol.side_channel import Outline, Pose, Reset, Truth
 from protocol.units import CONTROL_PERIOD
 
+_log = logging.getLogger(__name__)
+
 
 @dataclass(frozen=True, slots=True)
 class Setup:
@@ -36,6 +40,7 @@ class Setup:
         drift: how far its wheels deceive it.
         seed: of this robot (its drift), and of all that happens by chance.
         baud: rate of its line, or None for a line that takes no time.
+        faults: what goes wrong on its line.
         mirror: geometry of its camera.
     """
 
@@ -44,20 +49,26 @@ class Setup:
     drift: DriftSettings = PRESETS["default"]
     seed: int = 0
     baud: int | None = 9600
+    faults: tuple[Fault, ...] = ()
     mirror: Mirror = field(default_factory=Mirror)
 
 
+def _log_fault(happening: Happening) -> None:
+    _log.info("fault at %s", happening)
+
+
 class _Streams(NamedTuple):
-    """Independent random numbers for a robot's making, its drives, its camera and its places."""
+    """Independent random numbers for a robot's making, drives, camera, places and line."""
 
     making: np.random.Generator
     driving: np.random.Generator
     camera: np.random.Generator
     places: np.random.Generator
+    line: np.random.Generator
 
 
 def _streams(seed: int) -> _Streams:
-    return _Streams(*np.random.default_rng(seed).spawn(4))
+    return _Streams(*np.random.default_rng(seed).spawn(5))
 
 
 class Emulator:
@@ -73,7 +84,7 @@ class Emulator:
 
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
-        self.uart = Uart(setup.baud)
+        self.uart = Uart(setup.baud, Faults(setup.faults, tell=_log_fault))
         self.now = 0.0
         self._plan = FloorPlan(setup.arena)
         check_room(self.start_pose, self._gap)
@@ -159,6 +170,7 @@ class Emulator:
     def _build(self, pose: Pose, streams: _Streams) -> None:
         setup = self.setup
         self._streams = streams
+        self.uart.faults.begin(int(streams.line.integers(2**63)), self.now)
         self._world = World(setup.arena)
         self._robot = Robot(self._world, setup.model, pose, self._drift, streams.driving)
         self._firmware = Firmware(self._robot)

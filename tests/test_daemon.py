@@ -174,7 +174,7 @@ class TestWireTime:
 
     @pytest.mark.parametrize("request_line", [b"N\n", b"B\n", b"D,0,0\n"])
     def test_no_reply_is_early_at_a_fixed_rate(self, paced, request_line):
-        with connect(paced, baudrate=115200) as port:
+        with connect(paced) as port:
             for _ in range(3):
                 took, characters = self.duration(port, request_line)
                 assert took >= wire_time(characters, 9600) + INTERPRETER_TIME
@@ -189,11 +189,48 @@ class TestWireTime:
     def test_runs_faster_with_the_clock(self):
         with (
             emulator("--no-zenoh", "--speed", "20", "--baud", "300") as running,
-            connect(running) as port,
+            connect(running, baudrate=300) as port,
         ):
             took, characters = self.duration(port, b"B\n")
         assert took >= (wire_time(characters, 300) + INTERPRETER_TIME) / 20
         assert took < wire_time(characters, 300)
+
+
+class TestAnotherRate:
+    def test_reads_and_sends_garbage(self, paced):
+        with connect(paced, baudrate=19200) as port:
+            port.timeout = 0.2
+            port.write(b"G,7,8\n" * 4)
+            assert b"g\r\n" not in port.read(100)
+        # the garbage may have left half a line behind
+        with connect(paced) as port:
+            port.write(b"\n")
+            while ask(port, b"B\n") != VERSION:
+                pass
+            assert ask(port, b"H\n") != b"h,7,8\r\n"
+
+    def test_within_five_per_cent_reads_clean(self, paced):
+        for rate in (9120, 10080):
+            with connect(paced, baudrate=rate) as port:
+                assert ask(port, b"B\n") == VERSION
+
+    @pytest.mark.filterwarnings("ignore::DeprecationWarning")
+    def test_or_parity_or_size_counts_over_rfc2217(self):
+        with (
+            emulator("--no-zenoh", "--rfc2217", "127.0.0.1:0", "--baud", "9600") as running,
+            serial.serial_for_url(running.path, timeout=PATIENCE) as port,
+        ):
+            assert ask(port, b"B\n") == VERSION
+            port.parity = "E"
+            port.write(b"B\n")
+            assert port.read(len(VERSION)) == bytes(
+                byte * (byte.bit_count() % 2) for byte in VERSION
+            )
+            port.parity = "N"
+            port.bytesize = 7
+            port.timeout = 0.3
+            port.write(b"B\n")
+            assert VERSION not in port.read(100)
 
 
 class TestSameRobotAsInProcess:
@@ -346,6 +383,9 @@ def in_thread(baud, clock):
     emulated = Emulator(Setup(load_arena("corridor"), drift=PRESETS["none"], baud=baud))
     port = PtyPort()
     daemon = Daemon(emulated, port, clock, follow_rate=False)
+    if baud:
+        with serial.Serial(port.path, baud):
+            pass  # as `stty` would: it is the same rate for all that follow
     thread = threading.Thread(target=daemon.run)
     thread.start()
     try:

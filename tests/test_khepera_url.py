@@ -69,10 +69,68 @@ def test_the_rate_is_the_clients(port):
     assert port.now == pytest.approx(15 * 11 / 38400 + 0.0015, abs=1e-7)
 
 
-def test_a_fixed_rate_ignores_the_clients():
-    with open_port("khepera://corridor?baud=19200", baudrate=9600) as port:
+def test_a_fixed_rate_is_the_robots():
+    with open_port("khepera://corridor?baud=19200", baudrate=19200) as port:
         ask(port, b"B")
         assert port.now == pytest.approx(15 * 11 / 19200 + 0.0015, abs=1e-7)
+        assert ask(port, b"G,7,8") == b"g\r\n"
+        port.baudrate = 9600
+        port.write(b"G,1,2\n")
+        port.read(100)
+        port.baudrate = 19200
+        ask(port, b"")
+        port.write(b"B\n")
+        port.baudrate = 38400
+        assert port.readline() not in (b"", b"b,5.01,5.00\r\n")
+        port.baudrate = 19200
+        assert ask(port, b"H") == b"h,7,8\r\n"
+        port.parity = "E"
+        assert ask(port, b"B") != b"b,5.01,5.00\r\n"
+
+
+def test_faults_are_taken_from_the_url():
+    url = "khepera://corridor?fault=drop:p=1,n=1,dir=reply&fault=stray:at=2,text=tick%0A&seed=3"
+    with open_port(url) as port:
+        assert ask(port, b"B") == b",5.01,5.00\r\n"
+        assert ask(port, b"B") == b"b,5.01,5.00\r\n"
+        port.timeout = None
+        assert port.readline() == b"tick\n"
+        assert port.now == pytest.approx(2 + 5 * BYTE, abs=1e-7)
+        with pytest.raises(serial.SerialException, match="nothing is on its way"):
+            port.readline()
+
+
+def test_a_robot_that_resets_forgets_and_says_its_banner():
+    with open_port("khepera://corridor?fault=reset:at=1.5") as port:
+        assert ask(port, b"D,5,5") == b"d\r\n"
+        assert ask(port, b"G,100,100") == b"g\r\n"
+        port.timeout = 2
+        banner = port.readline() + port.readline()
+        assert banner.startswith(b"ROM of minirobot KHEPERA")
+        assert ask(port, b"H") == b"h,0,0\r\n"
+
+
+def test_faults_are_the_same_for_the_same_seed():
+    def replies(seed: int) -> list[bytes]:
+        with open_port(
+            f"khepera://corridor?seed={seed}&fault=flip:p=0.02&fault=drop:p=0.02"
+        ) as port:
+            port.timeout = 0.1
+            return [ask(port, b"B") for _ in range(40)]
+
+    assert replies(1) == replies(1)
+    assert replies(1) != replies(2)
+
+
+def test_a_seeded_reset_begins_faults_anew():
+    with open_port("khepera://corridor?fault=drop:p=0.05&fault=stray:at=0.1,text=tick%0A") as port:
+        port.timeout = 0.1
+        seen = []
+        for _ in range(2):
+            port.emulator.reset(Reset(seed=4))
+            seen.append([ask(port, b"B") for _ in range(20)])
+        assert seen[0] == seen[1]
+        assert b"tick\n" in seen[0]
 
 
 def test_an_unpaced_line_takes_no_time():
@@ -204,6 +262,7 @@ def test_a_closed_port_refuses(port):
         ("khepera://corridor?seed=-1", "seed='-1' is not a whole number"),
         ("khepera://corridor?baud=fast", "baud='fast' is not a whole number"),
         ("khepera://corridor?baud=0", "baud=0 is no rate"),
+        ("khepera://corridor?fault=fire", "cannot read the fault 'fire'"),
     ],
 )
 def test_a_wrong_url_is_told_in_one_sentence(url, words):

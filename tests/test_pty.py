@@ -69,11 +69,25 @@ class TestBytes:
 
     def test_that_nobody_reads_are_dropped_and_counted(self, port):
         with client(port) as terminal:
+            assert port.receive(MUCH) == []
             for _ in range(1000):
                 port.write(b"x" * 100)
             assert port.dropped > 50_000
             kept = len(unread(terminal))
             assert kept + port.dropped == 100_000
+
+    def test_that_nobody_listens_to_are_lost(self, port):
+        for before in (b"", b"N\n"):
+            with client(port) as terminal:
+                os.write(terminal, before)
+            received(port)
+            port.write(b"stale")
+            with client(port) as terminal:
+                assert received(port) == []
+                assert unread(terminal) == b""
+                port.write(b"fresh")
+                assert unread(terminal) == b"fresh"
+        assert port.dropped == 0
 
     def test_nothing_happens_without_a_client(self, port):
         assert port.receive(MUCH) == []
@@ -205,6 +219,7 @@ class TestSettings:
         with client(port) as terminal:
             assert not is_exclusive(terminal)
             assert termios.tcgetattr(terminal)[6][termios.VMIN] == 1
+            assert received(port) == []
             port.write(b"d\r\n")
             assert received(port) == []
             assert unread(terminal) == b"d\r\n"

@@ -12,7 +12,9 @@ Options after `?`, joined with `&`:
     seed=N         of all randomness (0)
     model=NAME     khepera or khepera2 (khepera)
     drift=SPEC     none, default, strong, or items such as scale=0.01,slip=0.05 (default)
-    baud=unpaced   a line that takes no time; a number fixes the rate (the client's rate)
+    baud=unpaced   a line that takes no time; a number fixes the robot's rate: with other
+                   settings the client reads and sends garbage (the client's rate)
+    fault=SPEC     something that goes wrong on the line, see `khepera_emulator.faults`; repeatable
 
 Not modelled: break conditions and modem lines are accepted and do nothing.
 """
@@ -25,9 +27,10 @@ from urllib.parse import parse_qsl, urlsplit
 from serial import SerialBase, SerialException
 from serial.serialutil import PortNotOpenError
 
-from khepera_emulator.uart import on_grid
+from khepera_emulator.clock import on_grid
+from khepera_emulator.line_coding import LineFormat
 
-_OPTIONS = ("seed", "model", "drift", "baud")
+_OPTIONS = ("seed", "model", "drift", "baud", "fault")
 _DIGITS = 18
 _POLL_TIME = 1e-4
 """Seconds that asking for bytes takes when there are none, and nobody waits."""
@@ -44,7 +47,7 @@ class Serial(SerialBase):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self.emulator: Any = None
-        self._fixed_rate = False
+        self._rate = "auto"
         super().__init__(*args, **kwargs)
 
     def open(self) -> None:
@@ -55,12 +58,12 @@ class Serial(SerialBase):
         from khepera_emulator.arena import load_arena
         from khepera_emulator.drift import parse_drift
         from khepera_emulator.errors import EmulatorError
+        from khepera_emulator.faults import parse_fault
         from khepera_emulator.models import find_model
         from khepera_emulator.physics import load_physics
 
-        arena, options = _split(str(self.portstr))
-        rate = options.get("baud", "auto")
-        self._fixed_rate = rate != "auto"
+        arena, options, faults = _split(str(self.portstr))
+        self._rate = options.get("baud", "auto")
         try:
             load_physics()
             from khepera_emulator.emulator import Emulator, Setup
@@ -70,7 +73,8 @@ class Serial(SerialBase):
                 model=find_model(options.get("model", "khepera")),
                 drift=parse_drift(options.get("drift", "default")),
                 seed=_whole("seed", options.get("seed", "0")),
-                baud=_rate(rate),
+                baud=_rate(self._rate),
+                faults=tuple(map(parse_fault, faults)),
             )
             self.emulator = Emulator(setup)
         except EmulatorError as error:
@@ -187,8 +191,13 @@ class Serial(SerialBase):
         self._open_emulator()
 
     def _reconfigure_port(self, force_update: bool = False) -> None:  # noqa: ARG002 - pySerial's signature
-        if self.is_open and not self._fixed_rate:
-            self.emulator.uart.baud = self.baudrate
+        if not self.is_open:
+            return
+        uart = self.emulator.uart
+        if self._rate == "auto":
+            uart.baud = self.baudrate
+        else:
+            uart.client = LineFormat(self.baudrate, self.bytesize, self.parity, self.stopbits)
 
     def _open_emulator(self) -> Any:
         if not self.is_open:
@@ -230,15 +239,18 @@ class Serial(SerialBase):
         return False
 
 
-def _split(url: str) -> tuple[str, dict[str, str]]:
+def _split(url: str) -> tuple[str, dict[str, str], list[str]]:
+    """Arena, options and faults of a URL."""
     parts = urlsplit(url)
-    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+    pairs = parse_qsl(parts.query, keep_blank_values=True)
+    options = dict(pairs)
     unknown = [name for name in options if name not in _OPTIONS]
     if unknown:
         raise SerialException(
             f"{url}: unknown option {unknown[0]!r}; there are {', '.join(_OPTIONS)}"
         )
-    return parts.netloc + parts.path, options
+    faults = [value for name, value in pairs if name == "fault"]
+    return parts.netloc + parts.path, options, faults
 
 
 def _whole(name: str, text: str) -> int:

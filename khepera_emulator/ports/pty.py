@@ -178,7 +178,9 @@ class PtyPort:
         return []
 
     def write(self, data: bytes) -> None:
-        """Hand bytes to the client; never waits."""
+        """Hand bytes to the client; never waits. What nobody listens to is lost, not kept."""
+        if self._slave is not None and not self._clients:
+            return
         try:
             taken = os.write(self._master, data)
         except BlockingIOError:
@@ -227,6 +229,9 @@ class PtyPort:
 
     def _change_client(self, change: _Change, data: bytes) -> list[bytes]:
         data += self._read_rest()
+        if WRITTEN in self._watch.take():  # it has written since, and that may be among the rest
+            change.new_bytes = True
+            data += self._read_rest()
         with suppress(EmulatorError):  # the new client keeps us out: it may find stale bytes
             self._hold()
         self._let_go()

@@ -2,7 +2,8 @@
 
 The client's rate, data bits, parity and stop bits come with the bytes, as from a serial port
 server. pySerial's `PortManager` speaks the telnet part. Modem lines, breaks and flow control are
-acknowledged and do nothing: a Khepera has three wires.
+acknowledged and do nothing: a Khepera has three wires. As on a UART with bytes still in its
+buffer, new settings may apply to what was written just before them.
 """
 
 import socket
