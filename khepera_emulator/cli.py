@@ -16,15 +16,17 @@ from khepera_emulator.arena import arena_names, load_arena
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.faults import Fault, parse_fault, parse_script
+from khepera_emulator.faults import parse_fault, script_specs
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, MODELS, find_model
 from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.pty import FIRST_RATE
+from khepera_emulator.wire_log import WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
 
+_DIFFERENT: Final = 1
 _FAILED: Final = 2
 _ROBOT = re.compile(r"[A-Za-z0-9_.-]+")
 _BAUD = re.compile(r"[1-9][0-9]{1,6}")
@@ -67,6 +69,7 @@ class LogLevel(StrEnum):
 
 @app.command(epilog=_EXAMPLES)
 def run(
+    ctx: typer.Context,
     arena: Annotated[
         str, typer.Option(help="Name of an arena (see `arenas`), or path of a TOML file.")
     ] = "corridor",
@@ -118,6 +121,10 @@ def run(
         Path | None,
         typer.Option(metavar="FILE", help="A schedule of faults, TIME SPEC a line."),
     ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write down what passes on the line (see `replay`)."),
+    ] = None,
     link: Annotated[
         Path | None, typer.Option(help="Symbolic link to make to the terminal.")
     ] = None,
@@ -154,13 +161,14 @@ def run(
     from khepera_emulator.side_channel import SideChannel
 
     with ExitStack() as stack:
+        faults = [*(fault or []), *_scripted(fault_script)]
         setup = Setup(
             arena=load_arena(arena),
             model=find_model(model),
             drift=parse_drift(drift),
             seed=seed,
             baud=_parse_baud(baud),
-            faults=_faults(fault or [], fault_script),
+            faults=tuple(map(parse_fault, faults)),
         )
         _check_robot(robot)
         if link and (tcp or rfc2217):
@@ -173,7 +181,17 @@ def run(
             channel = stack.enter_context(SideChannel(robot, [listen], connect or [], camera_rate))
         port = open_port(tcp=tcp, rfc2217=rfc2217, expose=expose)
         stack.callback(port.close)
-        daemon = Daemon(emulator, port, Clock(speed), follow_rate=baud == "auto", channel=channel)
+        log = None
+        if record:
+            log = stack.enter_context(WireLog(record, _same_robot(ctx, faults)))
+        daemon = Daemon(
+            emulator,
+            port,
+            Clock(speed),
+            follow_rate=baud == "auto",
+            channel=channel,
+            log=log,
+        )
         stack.enter_context(_signals_call(daemon.stop))
         if name:
             name.point_to(port.url)
@@ -206,6 +224,48 @@ def arenas(
         typer.echo(f"{each:{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
 
 
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="A wire log, as `run --record` writes it.")],
+    port: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Any pySerial port with a robot just switched on, such as /dev/ttyUSB0;"
+            " without it an emulated robot like the recorded one, in virtual time.",
+        ),
+    ] = None,
+    ignore: Annotated[
+        str,
+        typer.Option(
+            metavar="LETTERS",
+            help="Requests whose replies may have other values, such as N,O,E,H.",
+        ),
+    ] = "",
+) -> None:
+    """Play the requests of a wire log at their times, and compare the replies.
+
+    Exit status: 0 if all are equal, 1 at the first difference, which is printed.
+    """
+    import serial
+
+    import khepera_emulator  # noqa: F401 - registers khepera://
+    from khepera_emulator.replay import Difference
+    from khepera_emulator.replay import replay as play
+
+    recording = read_log(file)
+    url = port or recording.url
+    try:
+        with serial.serial_for_url(url, timeout=1.0) as line:
+            result = play(recording, line, [word.strip() for word in ignore.split(",")])
+    except (OSError, ValueError) as error:
+        raise EmulatorError(f"cannot replay on {url}: {error}") from None
+    if isinstance(result, Difference):
+        typer.echo(str(result))
+        raise typer.Exit(_DIFFERENT)
+    typer.echo(f"{result} reply lines equal")
+
+
 def main() -> None:
     """Entry point: an error is one sentence and exit status 2."""
     try:
@@ -226,12 +286,21 @@ def _parse_baud(text: str) -> int | None:
     return int(text)
 
 
-def _faults(specs: list[str], script: Path | None) -> tuple[Fault, ...]:
-    faults = tuple(map(parse_fault, specs))
+def _same_robot(ctx: typer.Context, faults: list[str]) -> str:
+    """URL of an in-process robot with the same options."""
+    options = [("fault", spec) for spec in faults]
+    for name in ("model", "seed", "drift", "baud", "turret", "firmware"):
+        value = ctx.params.get(name)
+        values = value if isinstance(value, list | tuple) else [value]
+        options += [(name, str(each)) for each in values if each is not None]
+    return robot_url(ctx.params["arena"], options)
+
+
+def _scripted(script: Path | None) -> list[str]:
     if script is None:
-        return faults
+        return []
     try:
-        return faults + parse_script(script.read_text())
+        return script_specs(script.read_text())
     except (OSError, UnicodeDecodeError) as error:
         raise EmulatorError(f"cannot read the fault script {script}: {error}") from None
 

@@ -13,6 +13,7 @@ from khepera_emulator.clock import Clock
 from khepera_emulator.emulator import Emulator
 from khepera_emulator.ports.port import Port
 from khepera_emulator.side_channel import SideChannel
+from khepera_emulator.wire_log import WireLog
 
 _log = logging.getLogger(__name__)
 
@@ -46,6 +47,7 @@ class Daemon:
         follow_rate: take the line's rate from the client's settings; otherwise a client with
             other settings than the robot's reads and sends garbage.
         channel: camera, ground truth and reset.
+        log: where to write down what passes on the line.
 
     Attributes:
         lost: bytes of clients that were dropped before they reached the line.
@@ -59,6 +61,7 @@ class Daemon:
         *,
         follow_rate: bool = True,
         channel: SideChannel | None = None,
+        log: WireLog | None = None,
     ) -> None:
         self.lost = 0
         self._emulator = emulator
@@ -66,6 +69,9 @@ class Daemon:
         self._clock = clock
         self._follow_rate = follow_rate
         self._channel = channel
+        self._log = log
+        if log:
+            emulator.uart.faults.listeners.append(log.fault)
         self._stopping = False
         self._stop = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
@@ -131,8 +137,12 @@ class Daemon:
         self._catch_up()
         if chunks:
             self._receive(chunks)
-        reply = emulator.read()
-        if reply:
+        count = emulator.uart.arrived(emulator.now)
+        if count:
+            when = emulator.uart.due(count)
+            reply = emulator.read()
+            if self._log:
+                self._log.reply(when, reply)
             port.write(reply)
         # a line without a rate has delivered already; the replies go next time round, after
         # another look at who is there
@@ -142,17 +152,23 @@ class Daemon:
     def _receive(self, chunks: list[bytes]) -> None:
         emulator = self._emulator
         settings = self._port.settings()
+        if self._log:
+            self._log.line(emulator.now, settings)
         if not self._follow_rate:
             emulator.uart.client = settings
         elif settings:  # a port that tells nothing keeps the rate before
             emulator.uart.baud = settings.baud
         for chunk in chunks:
             if not chunk:
+                if self._log:
+                    self._log.close(emulator.now)
                 emulator.hang_up()
                 continue
             limit = _LEFT_BEHIND + (_TAKE if chunk is chunks[-1] else 0)
             fitting = chunk[: max(0, limit - emulator.uart.arriving())]
             self.lost += len(chunk) - len(fitting)
+            if self._log:
+                self._log.request(emulator.now, fitting)
             emulator.write(fitting)
 
     def _serve_channel(self) -> None:

@@ -344,20 +344,26 @@ def parse_script(text: str) -> tuple[Fault, ...]:
     Raises:
         EmulatorError: a line is neither; the message gives its number.
     """
-    faults = []
+    return tuple(map(parse_fault, script_specs(text)))
+
+
+def script_specs(text: str) -> list[str]:
+    """The faults of a schedule, each as `parse_fault` reads it; errors as of `parse_script`."""
+    specs = []
     for number, line in enumerate(text.splitlines(), 1):
         line = line.strip()
         if not line or line.startswith("#"):
             continue
         time, _, spec = line.partition(" ")
+        kind, _, rest = spec.strip().partition(":")
+        # `at` comes first: a text is the last key
+        spec = f"{kind}:at={time}" + (f",{rest}" if rest else "")
         try:
-            at = _number(line, "TIME", time)
-            # known before the rest is read: `at` decides what a fault without p means
-            kind, _, rest = spec.strip().partition(":")
-            faults.append(parse_fault(f"{kind}:at={at!r}" + (f",{rest}" if rest else "")))
+            parse_fault(spec)
         except EmulatorError as error:
             raise EmulatorError(f"line {number} of the fault script: {error}") from None
-    return tuple(faults)
+        specs.append(spec)
+    return specs
 
 
 def _allowed(kind: str) -> tuple[str, ...]:

@@ -92,6 +92,9 @@ class Uart:
 
         A fault that resets the robot comes as the request to start again.
         """
+        return self._disturbed(until) if self.faults else self._carried_out(until)
+
+    def _disturbed(self, until: float) -> Iterator[tuple[float, bytes]]:
         while (moment := self.faults.next_moment()) is not None and moment <= until:
             yield from self._carried_out(moment)
             yield from self._happen()

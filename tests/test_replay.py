@@ -1,0 +1,252 @@
+"""Wire logs: written by a daemon, read back, played to robots, and what counts as a difference."""
+
+import json
+import sys
+
+import pytest
+import serial
+from emulator_process import PATIENCE, emulator
+
+import khepera_emulator  # noqa: F401 - registers khepera://
+from khepera_emulator.cli import main
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.replay import Difference, replay
+from khepera_emulator.wire_log import Entry, Recording, WireLog, read_log, robot_url
+
+URL = "khepera://corridor?seed=3"
+SESSION = (b"B\n", b"D,5,3\n", b"N\n", b"N\nO\nH\n", b"D,0,0\n", b"K\n", b"M\n", b"memory\n")
+
+
+def play(recording, url=URL, ignore=()):
+    with serial.serial_for_url(url, timeout=1) as port:
+        return replay(recording, port, ignore)
+
+
+def log_of(*lines, url=URL):
+    """A log of replies to one request each, a second apart."""
+    entries = []
+    for second, (request, said) in enumerate(lines):
+        entries.append(Entry(float(second), "request", request))
+        if said:
+            entries.append(Entry(second + 0.5, "reply", said))
+    return Recording(url, tuple(entries))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A log of two clients at two rates, one of which leaves with replies under way."""
+    path = tmp_path_factory.mktemp("log") / "wire.jsonl"
+    options = ("--seed", "3", "--fault", "flip:p=0.01", "--fault", "stray:at=0.1,text=tick\\n")
+    with emulator("--no-zenoh", "--record", str(path), *options) as running:
+        for rate in (9600, 38400):
+            with serial.Serial(running.path, rate, timeout=0.2) as port:
+                for request in SESSION:
+                    port.write(request)
+                    port.read_until(b"\n")
+                port.write(b"N\nN\n")
+                port.read(5)
+    return path
+
+
+class TestRecording:
+    def test_holds_both_directions_settings_goodbyes_and_faults(self, recorded):
+        log = read_log(recorded)
+        assert log.url.startswith("khepera://corridor?fault=flip%3Ap%3D0.01&fault=stray")
+        assert b"".join(each.data for each in log.entries if each.what == "request") == (
+            b"".join((*SESSION, b"N\nN\n")) * 2
+        )
+        said = b"".join(each.data for each in log.entries if each.what == "reply")
+        assert said.count(b"n,") >= 3
+        assert b"tick\n" in said
+        lines = [each.line for each in log.entries if each.what == "line"]
+        assert lines == [LineFormat(9600), LineFormat(38400)]
+        assert [each.what for each in log.entries].count("close") == 2
+        faults = [json.loads(line) for line in recorded.read_text().splitlines() if "flip" in line]
+        assert faults[1]["what"] == "fault"
+        assert faults[1]["direction"] in ("request", "reply")
+        times = [each.time for each in log.entries if each.what in ("request", "close")]
+        assert times == sorted(times)
+
+    def test_played_in_virtual_time_gives_the_same_bytes(self, recorded):
+        log = read_log(recorded)
+        result = play(log, log.url)
+        assert isinstance(result, int), str(result)
+        assert result > 12
+
+    def test_of_another_robot_differs(self, recorded):
+        log = read_log(recorded)
+        result = play(log, log.url.replace("seed=3", "seed=4"))
+        assert isinstance(result, Difference)
+
+    def test_keeps_every_byte(self, tmp_path):
+        every_byte = bytes(range(256))
+        with WireLog(tmp_path / "log", URL) as log:
+            log.request(0.1, every_byte)
+            log.line(0.2, LineFormat(9600, 7, "E", 1.5))
+            log.line(0.3, LineFormat(9600, 7, "E", 1.5))
+            log.line(0.3, None)
+            log.reply(1 / 3, every_byte)
+            log.close(1.0)
+        assert read_log(tmp_path / "log") == Recording(
+            URL,
+            (
+                Entry(0.1, "request", every_byte),
+                Entry(0.2, "line", line=LineFormat(9600, 7, "E", 1.5)),
+                Entry(1 / 3, "reply", every_byte),
+                Entry(1.0, "close"),
+            ),
+        )
+
+    def test_may_end_in_the_middle_of_a_line_and_hold_news(self, tmp_path):
+        with WireLog(tmp_path / "log", URL) as log:
+            log.request(0.0, b"B\n")
+        with (tmp_path / "log").open("a") as file:
+            file.write('{"t": 1.0, "what": "battery", "volts": 4.8}\n{"t": 2.0, "wha')
+        assert [each.what for each in read_log(tmp_path / "log").entries] == ["request", "battery"]
+
+    @pytest.mark.parametrize(
+        ("text", "why"),
+        [
+            ("", "line 1 of .* is no JSON object"),
+            ("hello\n", "line 1 of .* is no JSON object"),
+            ("[1]\n", "line 1 of .* is no JSON object"),
+            ("{}\n", "its first line names no khepera-wire-log"),
+            ('{"format": "khepera-wire-log", "version": 2}\n', "this program reads version 1"),
+            ('{"format": "khepera-wire-log", "version": 1}\n{}\n', "line 2 of .* is no entry"),
+            (
+                '{"format": "khepera-wire-log", "version": 1}\n{"t": 1}\n',
+                "line 2 of .* is no entry",
+            ),
+            ("ä", "cannot read the wire log"),
+        ],
+    )
+    def test_that_is_none_is_refused(self, tmp_path, text, why):
+        (tmp_path / "log").write_text(text)
+        with pytest.raises(EmulatorError, match=why):
+            read_log(tmp_path / "log")
+
+    def test_that_is_not_there_is_refused(self, tmp_path):
+        with pytest.raises(EmulatorError, match="cannot read the wire log"):
+            read_log(tmp_path / "log")
+        with pytest.raises(EmulatorError, match="cannot record to"):
+            WireLog(tmp_path, URL)
+
+    def test_names_a_robot_that_can_be_opened(self):
+        url = robot_url(
+            "corridor", [("model", "khepera2"), ("fault", "stray:p=1,text=&#%"), ("x", "")]
+        )
+        assert url == "khepera://corridor?model=khepera2&fault=stray%3Ap%3D1%2Ctext%3D%26%23%25"
+        with serial.serial_for_url(url, timeout=1) as port:
+            port.write(b"B\n")
+            assert port.readline() == b"&#%b,5.02,5.01\r\n"
+
+
+VERSION = b"b,5.01,5.00\r\n"
+
+
+class TestReplay:
+    def test_counts_equal_lines(self):
+        assert play(log_of((b"B\n", VERSION), (b"H\nX\n", b"h,0,0\r\nCommand not found\r\n"))) == 3
+
+    @pytest.mark.parametrize(
+        ("logged", "said"),
+        [
+            (b"b,5.02,5.00\r\n", VERSION),
+            (b"b,5.01,5.00\n", VERSION),
+            (b"b,5.01,5.00\r\nmore\r\n", b""),
+            (b"\xff" + VERSION, VERSION),
+            (b"b,5.01,5.01", VERSION),
+        ],
+    )
+    def test_tells_the_first_difference(self, logged, said):
+        result = play(log_of((b"H\n", b"h,0,0\r\n"), (b"B\n", logged), (b"B\n", b"x\r\n")))
+        assert isinstance(result, Difference)
+        expected = said or (VERSION if logged.endswith(b"more\r\n") else b"")
+        assert (result.request, result.said) == (b"B\n", expected)
+        assert result.time in (1.5, 2.5)
+
+    def test_tells_that_nothing_came(self):
+        result = play(log_of((b"B", VERSION)))
+        assert result == Difference(0.5, b"B", VERSION, b"")
+        assert str(result) == (
+            "difference at 0.500 s, after the request b'B'\n"
+            "  log:   b'b,5.01,5.00\\r\\n'\n"
+            "  robot: b'' (nothing came)"
+        )
+
+    def test_takes_the_beginning_of_a_line_at_the_end_of_a_log(self):
+        assert play(log_of((b"B\n", b"b,5.0"))) == 1
+        assert play(log_of((b"B\n", b""))) == 0
+
+    @pytest.mark.parametrize(
+        ("ignore", "logged", "equal"),
+        [
+            ("H", b"h,7,8\r\n", True),
+            ("h", b"h,7,8\r\n", True),
+            ("N", b"h,7,8\r\n", False),
+            ("H", b"h,7\r\n", False),
+            ("H", b"hello,7,8\r\n", False),
+        ],
+    )
+    def test_may_ignore_values(self, ignore, logged, equal):
+        result = play(log_of((b"H\n", logged)), ignore=[ignore])
+        assert isinstance(result, int) == equal
+
+    def test_sets_the_rate_and_writes_at_the_times(self):
+        entries = (
+            Entry(0.0, "line", line=LineFormat(38400)),
+            Entry(2.5, "request", b"B\n"),
+            Entry(3.0, "reply", VERSION),
+        )
+        with serial.serial_for_url(URL, timeout=1) as port:
+            assert replay(Recording(URL, entries), port) == 1
+            assert port.baudrate == 38400
+            assert port.now == pytest.approx(3.0)
+
+    def test_plays_to_any_port(self):
+        begin = log_of((b"B\n", VERSION), (b"G,1,2\n", b"g\r\n"), (b"H\n", b"h,1,2\r\n"))
+        quick = [Entry(each.time / 100, each.what, each.data) for each in begin.entries]
+        wrong = Entry(0.06, "reply", b"h,3,4\r\n")
+        with (
+            emulator("--no-zenoh", "--tcp", "127.0.0.1:0", "--baud", "unpaced") as running,
+            serial.serial_for_url(running.path, timeout=PATIENCE) as port,
+        ):
+            twice = (*quick, Entry(0.05, "close"), *quick)
+            assert replay(Recording(URL, twice), port) == 6
+            result = replay(Recording(URL, (*quick, Entry(0.05, "request", b"H\n"), wrong)), port)
+            assert result == Difference(0.06, b"H\n", wrong.data, b"h,1,2\r\n")
+
+
+class TestCommand:
+    @staticmethod
+    def run(monkeypatch, capfd, *arguments):
+        monkeypatch.setattr(sys, "argv", ["khepera-emulator", "replay", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capfd.readouterr()
+        return ended.value.code, out, err
+
+    @pytest.fixture
+    def file(self, tmp_path):
+        path = tmp_path / "wire.jsonl"
+        with WireLog(path, URL) as log:
+            log.request(0.0, b"H\n")
+            log.reply(0.5, b"h,7,8\r\n")
+        return path
+
+    def test_ends_with_one_and_the_difference(self, monkeypatch, capfd, file):
+        status, out, _ = self.run(monkeypatch, capfd, file)
+        assert status == 1
+        assert out.startswith("difference at 0.500 s, after the request b'H\\n'\n")
+
+    def test_ends_with_zero_when_equal(self, monkeypatch, capfd, file):
+        status, out, _ = self.run(monkeypatch, capfd, file, "--ignore", "N,H")
+        assert (status, out) == (0, "1 reply lines equal\n")
+
+    @pytest.mark.parametrize("url", ["/nowhere", "khepera://nowhere", "what://is"])
+    def test_port_that_is_none_is_one_sentence(self, monkeypatch, capfd, file, url):
+        status, out, err = self.run(monkeypatch, capfd, file, "--port", url)
+        assert (status, out) == (2, "")
+        assert err.startswith(f"khepera-emulator: cannot replay on {url}: ")
+        assert err.count("\n") == 1
