@@ -1,4 +1,4 @@
-"""Arenas as validated data files: walls, cylinders and lamps on a flat floor.
+"""Arenas as validated data files: walls, posts, lamps and movable objects on a flat floor.
 
 An arena is a TOML file; lengths are metres, angles degrees. The ones that come with the package
 lie in `khepera_emulator/arenas`; a path to a file of one's own works in every place where a
@@ -9,7 +9,7 @@ import tomllib
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -17,6 +17,7 @@ from khepera_emulator.errors import EmulatorError
 
 Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
 Point = tuple[Metres, Metres]
+Side = Annotated[float, Field(ge=0.005, le=1.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Colour = tuple[Share, Share, Share]
 
@@ -64,6 +65,35 @@ class Lamp(_Part):
     power: float = Field(default=1.0, gt=0.0, le=10.0)
 
 
+class Movable(_Part):
+    """A thing that robots push. It slides upright, held by friction; a ball rolls.
+
+    A post and a ball have a radius, a box a size (length and width). A ball is as high as wide.
+    """
+
+    shape: Literal["post", "ball", "box"]
+    centre: Point
+    heading: float = Field(default=0.0, description="degrees", ge=-360.0, le=360.0)
+    radius: float | None = Field(default=None, ge=0.004, le=0.5)
+    size: tuple[Side, Side] | None = None
+    height: float = Field(default=0.04, ge=0.01, le=1.0)
+    mass: float = Field(default=0.02, description="kilograms", ge=0.001, le=5.0)
+    friction: float = Field(
+        default=0.4, description="with the floor; of a ball: a twentieth of it", gt=0.0, le=2.0
+    )
+    resistivity: int = Field(default=128, description="as a gripper reads it", ge=1, le=255)
+    colour: Colour = (1.0, 1.0, 1.0)
+
+    @model_validator(mode="after")
+    def _has_one_measure(self) -> Self:
+        if self.shape == "box":
+            if self.size is None or self.radius is not None:
+                raise ValueError("a box has a size, [length, width], and no radius")
+        elif self.radius is None or self.size is not None:
+            raise ValueError(f"a {self.shape} has a radius and no size")
+        return self
+
+
 class Start(_Part):
     """Where a robot stands after power-on."""
 
@@ -98,6 +128,10 @@ class Arena(_Part):
     wall: list[Wall] = Field(default_factory=list)
     cylinder: list[Cylinder] = Field(default_factory=list)
     lamp: list[Lamp] = Field(default_factory=list)
+    object: list[Movable] = Field(default_factory=list)
+    starts: list[Start] = Field(
+        default_factory=list, description="of the robots after the first; drawn if absent"
+    )
 
 
 def arena_names() -> list[str]:

@@ -14,6 +14,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from khepera_emulator.chassis import Chassis
 from khepera_emulator.world import World
 from protocol.mirror import Mirror
 from protocol.side_channel import Pose
@@ -43,6 +44,7 @@ class OmniCamera:
         mirror: geometry of the mirror image.
         resolution: pixels across each of the four rendered faces.
         noise: standard deviation in grey levels.
+        carrier: the robot's body, which its camera does not see; others see it.
     """
 
     def __init__(
@@ -52,8 +54,11 @@ class OmniCamera:
         mirror: Mirror = Mirror(),  # noqa: B008 - an immutable value
         resolution: int = 64,
         noise: float = NOISE,
+        carrier: Chassis | None = None,
     ) -> None:
         self._world = world
+        # alone in a world a body has no looks
+        self._carrier = carrier if world.shared else None
         self._mirror = mirror
         self._size = resolution
         # 20 degrees up seen along the edge of a face lie higher in it than in its middle
@@ -82,7 +87,14 @@ class OmniCamera:
         return self._grain(self._remap(pose, self._panorama_map))
 
     def _remap(self, pose: Pose, maps: tuple[NDArray[np.int16], NDArray[np.uint16]]) -> Image:
-        picture = cv2.remap(self._render(pose), maps[0], maps[1], cv2.INTER_LINEAR)
+        if self._carrier is None:
+            atlas = self._render(pose)
+        else:
+            self._world.show_robots()
+            self._carrier.paint(visible=False)
+            atlas = self._render(pose)
+            self._carrier.paint(visible=True)
+        picture = cv2.remap(atlas, maps[0], maps[1], cv2.INTER_LINEAR)
         return np.asarray(picture, dtype=np.uint8)
 
     def _empty_atlas(self) -> Image:

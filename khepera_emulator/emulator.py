@@ -2,7 +2,8 @@
 
 A port puts bytes in, lets time pass and takes bytes out. Nothing here reads a clock: `advance`
 brings physics, interpreter and line to a given time, in the caller's thread, so that the same
-bytes at the same times give the same bytes back.
+bytes at the same times give the same bytes back. Robots of one world (`make_fleet`) have one time:
+it passes for all of them when it passes for one.
 """
 
 import logging
@@ -14,18 +15,17 @@ import numpy as np
 from khepera_emulator.arena import Arena
 from khepera_emulator.camera import Image, OmniCamera
 from khepera_emulator.drift import PRESETS, DriftSettings, draw_drift
+from khepera_emulator.errors import EmulatorError
 from khepera_emulator.faults import Fault, Faults, Happening
 from khepera_emulator.firmware import Firmware
-from khepera_emulator.geometry import FloorPlan
+from khepera_emulator.fleet import Fleet
 from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
-from khepera_emulator.places import check_room, pose_of, random_pose
+from khepera_emulator.places import Gap, check_room, pose_of, random_pose
 from khepera_emulator.robot import Robot
-from khepera_emulator.uart import Uart, on_grid
-from khepera_emulator.world import World
+from khepera_emulator.uart import Uart
 from protocol.mirror import Mirror
 from protocol.side_channel import Outline, Pose, Reset, Truth
-from protocol.units import CONTROL_PERIOD
 
 _log = logging.getLogger(__name__)
 
@@ -67,40 +67,52 @@ class _Streams(NamedTuple):
     line: np.random.Generator
 
 
-def _streams(seed: int) -> _Streams:
-    return _Streams(*np.random.default_rng(seed).spawn(5))
+def _streams(seed: int, number: int) -> _Streams:
+    entropy = seed if number == 0 else (seed, number)
+    return _Streams(*np.random.default_rng(entropy).spawn(5))
 
 
 class Emulator:
     """One emulated robot with its world, its line and its camera.
 
+    Args:
+        setup: what it is made from.
+        fleet: the robots whose world it shares; none: it has one of its own.
+
     Attributes:
         now: time that everything has been brought to, in seconds; a multiple of `uart.GRID`.
         uart: the serial line.
+        start_pose: where it was put down at first.
 
     Raises:
-        EmulatorError: the arena's start is not free.
+        EmulatorError: its start is not free, or there is no room for it.
     """
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, fleet: Fleet | None = None) -> None:
         self.setup = setup
         self.uart = Uart(setup.baud, Faults(setup.faults, tell=_log_fault))
         self.now = 0.0
-        self._plan = FloorPlan(setup.arena)
-        check_room(self.start_pose, self._gap)
-        streams = _streams(setup.seed)
+        self._fleet = fleet or Fleet(setup.arena, setup.model.radius)
+        self._number = len(self._fleet.members)
+        streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
+        try:
+            self.start_pose = self._find_start(streams.making)
+        except EmulatorError:
+            self.close()
+            raise
         self._build(self.start_pose, streams)
+        self._fleet.join(self)
 
     def close(self) -> None:
-        """Give back the physics client."""
-        self._world.close()
+        """Give back the physics client, which is that of the whole fleet."""
+        self._fleet.close()
 
     @property
-    def start_pose(self) -> Pose:
-        """Where the arena puts a robot down."""
-        return pose_of(self.setup.arena.start)
+    def robot(self) -> Robot:
+        """The robot, as its firmware finds it; another one after a seeded reset."""
+        return self._robot
 
     def write(self, data: bytes) -> None:
         """The client puts bytes on the line, now."""
@@ -116,25 +128,25 @@ class Emulator:
 
     @property
     def moving(self) -> bool:
-        """Whether the robot's wheels turn or are driven."""
-        return self._robot.moving
+        """Whether the wheels of a robot of this world turn or are driven, or a thing moves."""
+        return self._fleet.moving
 
     def advance(self, until: float) -> None:
         """Let time pass: drive, carry out the requests that arrive, answer them."""
-        until = max(on_grid(until), self.now)
-        for moment, line in self.uart.requests(until):
-            self._drive(moment)
-            self.uart.send(self._firmware.execute(line), moment)
-        self._drive(until)
-        self.now = until
+        self._fleet.advance(until)
+
+    def execute(self, line: bytes, moment: float) -> None:
+        """Carry out a request that has arrived at a moment; the reply goes on the line."""
+        self.uart.send(self._firmware.execute(line), moment)
 
     def truth(self) -> Truth:
         """Ground truth, now."""
         return self._robot.truth().model_copy(update={"time": self.now})
 
     def outline(self) -> Outline:
-        """The arena from above, to draw what happens in it."""
-        return outline(self.setup.arena, self.setup.model)
+        """The arena from above, as it is now, to draw what happens in it."""
+        things = self._fleet.world.things
+        return outline(self.setup.arena, self.setup.model, [thing.footprint for thing in things])
 
     def mirror_image(self) -> Image:
         """What the camera sees now, in its mirror."""
@@ -147,46 +159,85 @@ class Emulator:
     def reset(self, reset: Reset) -> Truth:
         """Put the robot somewhere, powered on afresh, the line silent.
 
-        With a seed the whole world is made anew, and the control periods are counted from now:
-        what follows depends on the robot, the reset and the seed alone.
+        With a seed the whole world is made anew, its things and all other robots back where they
+        started, and the control periods are counted from now: what follows depends on the
+        robots, the reset and the seed alone. Without, everything else stays as it is.
 
         Raises:
             EmulatorError: the pose is not free, or no free one was found; nothing has changed.
         """
-        streams = self._streams if reset.seed is None else _streams(reset.seed)
-        if reset.random:
-            pose = random_pose(self.setup.arena.free, self._gap, streams.places)
-        else:
-            pose = reset.pose or self.start_pose
-            check_room(pose, self._gap)
-        self.uart.clear()
         if reset.seed is None:
+            pose = self._choose(reset, self._fleet.gap(self._robot.chassis), self._streams)
+            self.uart.clear()
             self._robot.put_down(pose)
         else:
-            self._world.close()
-            self._build(pose, streams)
+            self._reset_world(reset, reset.seed)
         return self.truth()
 
+    def put_anew(self, seed: int) -> None:
+        """Be put at the start of a world that was made anew, all chance anew from a seed."""
+        self._restart(self.start_pose, _streams(seed, self._number))
+
+    def _restart(self, pose: Pose, streams: _Streams) -> None:
+        self.uart.clear()
+        self._build(pose, streams)
+
+    def _reset_world(self, reset: Reset, seed: int) -> None:
+        fleet, streams = self._fleet, _streams(seed, self._number)
+        pose = self._choose(reset, fleet.gap_at_start(self), streams)
+        fleet.renew()
+        for member in fleet.members:
+            if member is self:
+                self._restart(pose, streams)
+            else:
+                member.put_anew(seed)
+        fleet.assemble()
+
+    def _choose(self, reset: Reset, gap: Gap, streams: _Streams) -> Pose:
+        if reset.random:
+            return random_pose(self.setup.arena.free, gap, streams.places)
+        pose = reset.pose or self.start_pose
+        check_room(pose, gap)
+        return pose
+
+    def _find_start(self, rng: np.random.Generator) -> Pose:
+        arena, gap = self.setup.arena, self._fleet.gap()
+        starts = [arena.start, *arena.starts]
+        if self._number >= len(starts):
+            return random_pose(arena.free, gap, rng)
+        pose = pose_of(starts[self._number])
+        check_room(pose, gap)
+        return pose
+
     def _build(self, pose: Pose, streams: _Streams) -> None:
-        setup = self.setup
+        setup, world = self.setup, self._fleet.world
         self._streams = streams
         self.uart.faults.begin(int(streams.line.integers(2**63)), self.now)
-        self._world = World(setup.arena)
-        self._robot = Robot(self._world, setup.model, pose, self._drift, streams.driving)
+        self._robot = Robot(world, setup.model, pose, self._drift, streams.driving)
         self._firmware = Firmware(self._robot)
         self._camera: OmniCamera | None = None
-        self._power_time = self.now
 
     def _eye(self) -> OmniCamera:
         # made when first asked for: many programs use the serial line alone
         if self._camera is None:
-            self._camera = OmniCamera(self._world, self._streams.camera, self.setup.mirror)
+            self._camera = OmniCamera(
+                self._fleet.world,
+                self._streams.camera,
+                self.setup.mirror,
+                carrier=self._robot.chassis,
+            )
         return self._camera
 
-    def _drive(self, until: float) -> None:
-        due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
-        if due > self._robot.ticks:
-            self._robot.run(due)
 
-    def _gap(self, pose: Pose) -> float:
-        return self._plan.clearance(pose.x, pose.y) - self.setup.model.radius
+def make_fleet(setup: Setup, size: int) -> list[Emulator]:
+    """Robots that share one world; the first is as one alone with the same seed would be.
+
+    Args:
+        setup: what each is made from; each has a drift and chance of its own.
+        size: how many.
+
+    Raises:
+        EmulatorError: there is no room for so many.
+    """
+    fleet = Fleet(setup.arena, setup.model.radius, size)
+    return [Emulator(setup, fleet) for _ in range(size)]

@@ -13,7 +13,7 @@ from math import atan2, cos, hypot, pi, sin
 import numpy as np
 
 from khepera_emulator.arena import Lamp
-from khepera_emulator.geometry import Array, FloorPlan
+from khepera_emulator.geometry import Array, Scene
 from khepera_emulator.models import Model, ProximityCurve
 
 SCAN_PERIOD = 0.020
@@ -36,10 +36,10 @@ class Infrared:
     """The sensor ring of one robot."""
 
     def __init__(
-        self, model: Model, plan: FloorPlan, lamps: Sequence[Lamp], rng: np.random.Generator
+        self, model: Model, scene: Scene, lamps: Sequence[Lamp], rng: np.random.Generator
     ) -> None:
         self._model = model
-        self._plan = plan
+        self._scene = scene
         self._lamps = lamps
         self._rng = rng
         bearings = np.array(model.sensor_bearings)
@@ -87,12 +87,12 @@ class Infrared:
 
     def gaps(self, x: float, y: float, heading: float) -> Array:
         """Effective gap of each sensor to what it sees, in metres; infinite beyond its reach."""
-        if self._plan.clearance(x, y) - self._model.radius > self._reach:
+        if self._scene.clearance(x, y) - self._model.radius > self._reach:
             return np.full(8, np.inf)
         c, s = cos(heading), sin(heading)
         fan = self._fan @ np.array([[c, s], [-s, c]])
         half = len(fan) // 2
-        distances, grey = self._plan.cast(np.add(fan[:half], (x, y)), fan[half:])
+        distances, grey = self._scene.cast(np.add(fan[:half], (x, y)), fan[half:])
         dim = (_BLACK_LOSS - _BLACK_LOSS * grey) * np.maximum(self._reach - distances, 0.0)
         effective = distances + dim + self._penalty
         nearest: Array = np.minimum.reduce(effective.reshape(8, -1), axis=1)
@@ -109,7 +109,7 @@ class Infrared:
             off_axis = abs((atan2(dy, dx) - heading - direction + pi) % (2 * pi) - pi)
             if off_axis >= pi / 2:
                 continue
-            blocked, _ = self._plan.cast(eye[None], np.array([[dx, dy]]) / distance)
+            blocked, _ = self._scene.cast(eye[None], np.array([[dx, dy]]) / distance)
             if blocked[0] < distance:
                 continue
             # inverse square: a lamp of four times the power acts from twice as far

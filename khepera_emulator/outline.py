@@ -1,36 +1,41 @@
 """An arena as a drawing from above, for those who watch."""
 
-from math import cos, pi, sin
+from collections.abc import Iterable
 
 from khepera_emulator.arena import Arena
-from khepera_emulator.geometry import wall_boxes
+from khepera_emulator.geometry import Brick, Disc, footprint, wall_boxes
 from khepera_emulator.models import Model
 from khepera_emulator.places import pose_of
 from protocol.side_channel import Outline, Solid
 
-_POST_CORNERS = 32
 
+def outline(arena: Arena, model: Model, places: Iterable[Disc | Brick] | None = None) -> Outline:
+    """Everything that stands in an arena, with the size of the robot that drives in it.
 
-def outline(arena: Arena, model: Model) -> Outline:
-    """Everything that stands in an arena, with the size of the robot that drives in it."""
+    Args:
+        arena: what stands there.
+        model: the robot.
+        places: where its movable objects are, if they are not where the arena puts them.
+    """
     walls = [
         Solid(corners=box.corners(), colour=box.colour)
         for wall in arena.wall
         for box in wall_boxes(wall)
     ]
     posts = [
-        Solid(corners=_circle(post.centre, post.radius), colour=post.colour)
+        Solid(corners=Disc(*post.centre, post.radius, 0.0).corners(), colour=post.colour)
         for post in arena.cylinder
+    ]
+    if places is None:
+        places = [footprint(part) for part in arena.object]
+    things = [
+        Solid(corners=place.corners(), colour=part.colour)
+        for part, place in zip(arena.object, places, strict=True)
     ]
     return Outline(
         title=arena.title,
         floor=arena.floor,
-        solids=walls + posts,
+        solids=walls + posts + things,
         start=pose_of(arena.start),
         robot_radius=model.radius,
     )
-
-
-def _circle(centre: tuple[float, float], radius: float) -> list[tuple[float, float]]:
-    angles = [2 * pi * k / _POST_CORNERS for k in range(_POST_CORNERS)]
-    return [(centre[0] + radius * cos(a), centre[1] + radius * sin(a)) for a in angles]

@@ -55,11 +55,12 @@ class Robot:
         self.drift = drift
         self._slip = slip_sequence(slip)
         self.chassis = Chassis(world, model, self.drift, pose)
-        self.infrared = Infrared(model, world.plan, world.arena.lamp, sensors)
+        self.infrared = Infrared(model, self.chassis.scene, world.arena.lamp, sensors)
         self.touched = False
         self.ticks = 0
         self._scans: dict[str, tuple[int, ...]] = {}
         self._start_scan()
+        self._free = self._counts = (0.0, 0.0)
         self.power_on()
 
     def power_on(self) -> None:
@@ -86,15 +87,40 @@ class Robot:
         return not (left.at_rest() and right.at_rest())
 
     def run(self, ticks: int) -> None:
-        """Let control periods pass up to the given number since the robot was made."""
+        """Let control periods pass up to the given number since the robot was made.
+
+        For a robot in a world where nothing else moves; see `crew` for others.
+        """
         while self.ticks < ticks:
             if not self.moving:
-                self._rest(ticks)
+                self.rest(ticks)
                 return
-            self.ticks += 1
-            self._drive(*self.wheels)
-            if self.ticks % _SCAN_TICKS == 0:
-                self._start_scan()
+            self.arrive(self.chassis.roll(*self._intend()))
+
+    def rest(self, ticks: int) -> None:
+        """Let control periods pass in which nothing moves; see `run`."""
+        # nothing moves, whatever the time: only the latest of the scans counts
+        self.chassis.ground_speed = (0.0, 0.0)
+        if ticks // _SCAN_TICKS > self.ticks // _SCAN_TICKS:
+            self._start_scan()
+        self.ticks = ticks
+
+    def aim(self) -> None:
+        """First part of a control period: what the motors want."""
+        self.chassis.aim(*self._intend())
+
+    def arrive(self, ways: tuple[float, float]) -> None:
+        """Last part of a control period: the wheels have turned so many metres."""
+        self.ticks += 1
+        self.touched = self.touched or self.chassis.contact
+        for wheel, wanted, speed, way in zip(
+            self.wheels, self._counts, self._free, ways, strict=True
+        ):
+            turned = way / PULSE
+            held = abs(turned - wanted) > 1e-6
+            wheel.roll(turned, turned if held else speed)
+        if self.ticks % _SCAN_TICKS == 0:
+            self._start_scan()
 
     def tick(self) -> None:
         """Let one control period pass."""
@@ -124,33 +150,22 @@ class Robot:
             drift=self.drift,
         )
 
-    def _rest(self, ticks: int) -> None:
-        # nothing moves, whatever the time: only the latest of the scans counts
-        self.chassis.ground_speed = (0.0, 0.0)
-        if ticks // _SCAN_TICKS > self.ticks // _SCAN_TICKS:
-            self._start_scan()
-        self.ticks = ticks
-
     def _start_scan(self) -> None:
         chassis = self.chassis
         self._scan_pose = chassis.x, chassis.y, chassis.heading
         self._scans.clear()
 
-    def _drive(self, left: Wheel, right: Wheel) -> None:
-        free = left.control(), right.control()
+    def _intend(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Ways in metres that the motors give the wheels in this period, and their slips."""
+        left, right = self.wheels
+        self._free = left.control(), right.control()
         # mean of the speeds at both ends of the period, in counts and metres a period
-        counts = (left.speed + free[0]) / 2, (right.speed + free[1]) / 2
+        counts = (left.speed + self._free[0]) / 2, (right.speed + self._free[1]) / 2
+        self._counts = counts
         on_the_spot = counts[0] * counts[1] < 0.0
         sd = self.drift.slip * (_SPOT_SLIP if on_the_spot else 1.0)
         noise = next(self._slip)
-        ways = self.chassis.roll(
-            (counts[0] * PULSE, counts[1] * PULSE), (sd * noise[0], sd * noise[1])
-        )
-        self.touched = self.touched or self.chassis.contact
-        for wheel, wanted, speed, way in zip(self.wheels, counts, free, ways, strict=True):
-            turned = way / PULSE
-            held = abs(turned - wanted) > 1e-6
-            wheel.roll(turned, turned if held else speed)
+        return (counts[0] * PULSE, counts[1] * PULSE), (sd * noise[0], sd * noise[1])
 
     def _wheel(self) -> Wheel:
         model = self.model

@@ -1,13 +1,16 @@
 """The PyBullet world: one physics client, an arena's solids, and what they look like."""
 
 from math import atan2
+from typing import Protocol
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from khepera_emulator.arena import Arena
-from khepera_emulator.geometry import FloorPlan
+from khepera_emulator.arena import Arena, Movable
+from khepera_emulator.geometry import FloorPlan, Footprint, Scene, Surroundings
+from khepera_emulator.objects import Thing
+from protocol.units import CONTROL_PERIOD
 
 PHYSICS_PERIOD = 0.005
 """Seconds between two steps of the rigid-body dynamics; two fit a control period.
@@ -15,40 +18,77 @@ PHYSICS_PERIOD = 0.005
 Half of it changes a drive by 0.01 %, a turn by 0.1 degree in 860, and a slide along a wall by 2 %.
 """
 
-FLOOR_GROUP, SOLID_GROUP, BODY_GROUP = 1, 2, 4
-"""Collision groups: wheels and casters touch the floor only, bodies the rest."""
+FLOOR_GROUP, SOLID_GROUP, BODY_GROUP, THING_GROUP = 1, 2, 4, 8
+"""Collision groups: wheels and casters touch the floor only, bodies and things the rest."""
 
 _RAY_GROUP = 1
 """The group of PyBullet's rays, which cannot be changed; wheels do not look for solids."""
+
+_SUBSTEPS = round(CONTROL_PERIOD / PHYSICS_PERIOD)
+
+_BULB_RADIUS, _BULB_HEIGHT = 0.012, 0.075
+_BULB_COLOUR = (1.0, 0.95, 0.7, 1.0)
 
 _FLOOR_HALF = 11.0
 _FLOOR_THICKNESS = 0.1
 
 
-def hide(body: int, client: int) -> None:
-    """Make a body without visual shapes invisible: PyBullet would show its collision shapes."""
-    for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
+def hide(body: int, client: int, first: int = -1) -> None:
+    """Make links without visual shapes invisible: PyBullet would show their collision shapes.
+
+    Args:
+        body: whose links.
+        client: of the body.
+        first: the first of the links; -1 is the base.
+    """
+    for link in range(first, pybullet.getNumJoints(body, physicsClientId=client)):
         pybullet.changeVisualShape(body, link, rgbaColor=[0, 0, 0, 0], physicsClientId=client)
 
 
+class Shown(Protocol):
+    """A robot's rigid body, which is where the robot is when it is asked to.
+
+    Attributes:
+        body: its number in PyBullet.
+    """
+
+    body: int
+
+    def show(self) -> None:
+        """Put the rigid body where the robot is."""
+
+
 class World:
-    """An arena in a PyBullet client of its own; use as a context, or close it.
+    """An arena in a PyBullet client of its own; close it at the end.
+
+    Args:
+        arena: what stands in it.
+        shared: whether it is for more than one robot, who see and touch each other.
 
     Attributes:
         arena: what stands in it.
-        plan: the same from above, for rays and free space.
+        shared: whether it is for more than one robot.
+        plan: what stands still, from above, for rays and free space.
         client: PyBullet's number of the physics client.
         solids: body that holds all walls and posts, or None in an empty arena.
+        things: what robots can push.
+        movers: footprints of the things, and of all robots of a shared world.
+        robots: the robots of a shared world.
     """
 
-    def __init__(self, arena: Arena) -> None:
+    def __init__(self, arena: Arena, *, shared: bool = False) -> None:
         self.arena = arena
+        self.shared = shared
         self.plan = FloorPlan(arena)
         self.client: int = pybullet.connect(pybullet.DIRECT)
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
         pybullet.setTimeStep(PHYSICS_PERIOD, physicsClientId=self.client)
         self.floor = self._add_floor()
         self.solids = self._add_solids()
+        self._add_bulbs()
+        self.things = [self._add_thing(part) for part in arena.object]
+        self.movers: list[Footprint] = [thing.footprint for thing in self.things]
+        self.robots: list[Shown] = []
 
     def close(self) -> None:
         """End the physics client."""
@@ -59,6 +99,41 @@ class World:
     def step(self) -> None:
         """Let the dynamics advance by one `PHYSICS_PERIOD`."""
         pybullet.stepSimulation(physicsClientId=self.client)
+
+    def period(self) -> None:
+        """Let the dynamics advance by one control period."""
+        for _ in range(_SUBSTEPS):
+            for thing in self.things:
+                thing.hold()
+            self.step()
+            for thing in self.things:
+                thing.brake(PHYSICS_PERIOD)
+
+    def lift(self, thing: Thing) -> None:
+        """Take a thing off the floor: nothing meets it and no ray hits it any more."""
+        self.movers.remove(thing.footprint)
+        self._let_touch(thing, touch=False)
+
+    def put(self, thing: Thing) -> None:
+        """Put a lifted thing back on the floor, where it has been placed."""
+        self._let_touch(thing, touch=True)
+        self.movers.append(thing.footprint)
+
+    def show_robots(self) -> None:
+        """Put the rigid bodies of all robots where the robots are."""
+        for robot in self.robots:
+            robot.show()
+
+    @property
+    def restless(self) -> bool:
+        """Whether something moves that no robot drives."""
+        return any(thing.moving for thing in self.things)
+
+    def scene(self, own: Footprint | None = None) -> Scene:
+        """What there is to see and to touch, but for one's own body."""
+        if not (self.shared or self.things):
+            return self.plan
+        return Surroundings(self.plan, self.movers, own)
 
     def cast(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
         """Fraction of each ray, from (N, 3) to (N, 3), that is free; 1 without a hit."""
@@ -134,6 +209,39 @@ class World:
             solids, -1, lateralFriction=0.3, restitution=0.0, physicsClientId=self.client
         )
         pybullet.setCollisionFilterGroupMask(
-            solids, -1, SOLID_GROUP, BODY_GROUP | _RAY_GROUP, physicsClientId=self.client
+            solids,
+            -1,
+            SOLID_GROUP,
+            BODY_GROUP | THING_GROUP | _RAY_GROUP,
+            physicsClientId=self.client,
         )
         return solids
+
+    def _add_bulbs(self) -> None:
+        if not self.arena.lamp:
+            return
+        count = len(self.arena.lamp)
+        look = pybullet.createVisualShapeArray(
+            shapeTypes=[pybullet.GEOM_SPHERE] * count,
+            radii=[_BULB_RADIUS] * count,
+            visualFramePositions=[[*lamp.centre, _BULB_HEIGHT] for lamp in self.arena.lamp],
+            rgbaColors=[_BULB_COLOUR] * count,
+            physicsClientId=self.client,
+        )
+        pybullet.createMultiBody(0, -1, look, physicsClientId=self.client)
+
+    def _add_thing(self, part: Movable) -> Thing:
+        thing = Thing(part, self.client)
+        self._let_touch(thing, touch=True)
+        return thing
+
+    def _let_touch(self, thing: Thing, *, touch: bool) -> None:
+        """Let a thing meet bodies and rays of the dynamics, or let all pass it."""
+        mask = SOLID_GROUP | BODY_GROUP | THING_GROUP | _RAY_GROUP
+        pybullet.setCollisionFilterGroupMask(
+            thing.body,
+            -1,
+            THING_GROUP if touch else 0,
+            mask if touch else 0,
+            physicsClientId=self.client,
+        )

@@ -189,3 +189,34 @@ def test_a_file_that_is_no_text(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(EmulatorError, match="nor a readable TOML file"):
         load_arena(str(path))
+
+
+OBJECT = GOOD + '[[object]]\nshape = "box"\ncentre = [0.2, 0.2]\nsize = [0.04, 0.02]\n'
+
+
+def test_an_arena_with_a_thing(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(OBJECT)
+    (thing,) = load_arena(str(path)).object
+    assert (thing.shape, thing.size) == ("box", (0.04, 0.02))
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        (('"box"', '"cone"'), "object.0.shape"),
+        (('"box"', '"ball"'), "a ball has a radius and no size"),
+        (("size = [0.04, 0.02]", "radius = 0.02"), "a box has a size"),
+        (("0.04, 0.02", "0.04"), "object.0.size"),
+        (("0.04, 0.02", "0.04, 0.0"), "object.0.size"),
+        (("centre = [0.2, 0.2]", ""), "object.0.centre"),
+        (("size", "mass = 0.0\nsize"), "object.0.mass"),
+    ],
+)
+def test_a_wrong_thing_is_told_in_one_sentence(tmp_path, change, part):
+    path = tmp_path / "wrong.toml"
+    path.write_text(OBJECT.replace(*change))
+    with pytest.raises(EmulatorError) as caught:
+        load_arena(str(path))
+    assert part in str(caught.value)
+    assert "\n" not in str(caught.value)
