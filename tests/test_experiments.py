@@ -15,10 +15,12 @@ import pytest
 from macor_hil.brain import Brain, Settings
 from macor_hil.clustering.clusterer import situations
 from macor_hil.clustering.fuzzy_art import FuzzyArt
+from macor_hil.clustering.neural_gas import Breadth
 from macor_hil.drive import COMMANDS, Driver
 from macor_hil.errors import MacorError
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
 from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings
 from macor_hil.experiments.results import ResultsFile, only_one
 from macor_hil.experiments.runner import COSTS, reproduce
@@ -251,6 +253,25 @@ def test_the_report_shows_every_picture_and_the_paper_s_numbers(sweep: Path) -> 
         assert np.ptp(picture) > 200
     for number in ("29.2", "14.2", "15.6", "8.6", "11.7"):
         assert number in page.text
+
+
+def test_figure2_measures_both_clusterers(recorded: Path) -> None:
+    settings = replace(
+        FIGURE2.settings,
+        drive=DRIVE,
+        inputs=30,
+        nodes=4,
+        presentations=3,
+        annealed=2,
+        breadth=Breadth((0.3, 0.6), (0.05,), (2.0,), (0.1,)),
+        searched=2,
+    )
+    page = reproduce([replace(FIGURE2, settings=settings)], 2, 1, recorded, silent)
+    (data,) = (v for k, v in results_of(recorded).items() if k.startswith("figure2-"))
+    result = json.loads(data.splitlines()[1])["result"]
+    assert result["situations"] <= 4
+    assert [len(result["errors"][name]["mean"]) for name in ("Fuzzy ART", "Neural Gas")] == [3, 3]
+    assert Page(page.read_text()).pictures == ["figure2-errors.png"]
 
 
 def test_names_lead_to_experiments() -> None:

@@ -117,9 +117,9 @@ class Breadth:
     """
 
     rate_first: tuple[float, ...] = (0.1, 0.3, 0.6)
-    rate_last: tuple[float, ...] = (0.001, 0.01, 0.05)
+    rate_last: tuple[float, ...] = (0.005, 0.02, 0.05)
     radius_first: tuple[float, ...] = (2.0, 5.0, 10.0)
-    radius_last: tuple[float, ...] = (0.1, 0.5)
+    radius_last: tuple[float, ...] = (0.1,)
 
     def annealings(self, steps: int) -> list[Annealing]:
         """All combinations, for a training of a number of steps."""

@@ -4,9 +4,10 @@ from typing import Final
 
 from macor_hil.errors import MacorError
 from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
 
-EXPERIMENTS: Final[tuple[Experiment, ...]] = (TABLE1, FIGURE5)
+EXPERIMENTS: Final[tuple[Experiment, ...]] = (FIGURE2, TABLE1, FIGURE5)
 
 ALL: Final = "all"
 
