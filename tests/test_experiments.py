@@ -21,6 +21,8 @@ from macor_hil.errors import MacorError
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.figure2 import FIGURE2
+from macor_hil.experiments.figure3 import FIGURE3
+from macor_hil.experiments.figure4 import FIGURE4
 from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings
 from macor_hil.experiments.results import ResultsFile, only_one
 from macor_hil.experiments.runner import COSTS, reproduce
@@ -272,6 +274,25 @@ def test_figure2_measures_both_clusterers(recorded: Path) -> None:
     assert result["situations"] <= 4
     assert [len(result["errors"][name]["mean"]) for name in ("Fuzzy ART", "Neural Gas")] == [3, 3]
     assert Page(page.read_text()).pictures == ["figure2-errors.png"]
+
+
+def test_figures_3_and_4_drive_with_both_clusterers(recorded: Path) -> None:
+    changes = {
+        "gas_inputs": 30,
+        "breadth": Breadth((0.3,), (0.05,), (2.0, 4.0), (0.1,)),
+        "elsewhere": replace(COURSE, anywhere=True),
+    }
+    experiments = [tiny(FIGURE3, **changes), tiny(FIGURE4, **changes)]
+    page = Page(reproduce(experiments, 1, 1, recorded, silent).read_text())
+    assert page.pictures == ["figure3-trajectories.png", "figure4-trajectories.png"]
+    assert "32.7" in page.text
+    (data,) = (v for k, v in results_of(recorded).items() if k.startswith("figure3-"))
+    result = json.loads(data.splitlines()[1])["result"]
+    places = [trial["path"][0] for trial in result["anywhere"]["Fuzzy ART"]]
+    assert places[0] != places[1]
+    assert places == [trial["path"][0] for trial in result["anywhere"]["Neural Gas"]]
+    # from the arena's start: within its spread of 1 cm to either side
+    assert all(abs(trial["path"][0][1]) < 0.015 for trial in result["start"]["Neural Gas"])
 
 
 def test_names_lead_to_experiments() -> None:

@@ -91,6 +91,8 @@ class Course:
     """across,"""
     heading: float = 5.0
     """and degrees."""
+    anywhere: bool = False
+    """Starts are free places anywhere in the arena instead."""
 
     def spread(self) -> Spread:
         """How starts differ, in metres and radians."""
@@ -120,9 +122,13 @@ class Track:
 
     def _trial(self, agent: Agent, planner: Planner, seed: int, number: int) -> Trial:
         rng = np.random.default_rng([seed, number])
-        start = self._bench.reset(Reset(seed=int(rng.integers(2**31)))).pose
-        pose = self._course.spread().draw(start, rng)
-        return run_trial(agent, planner, self._bench, Reset(pose=pose), rng, self._course.commands)
+        chance = int(rng.integers(2**31))
+        if self._course.anywhere:
+            start = Reset(random=True, seed=chance)
+        else:
+            pose = self._bench.reset(Reset(seed=chance)).pose
+            start = Reset(pose=self._course.spread().draw(pose, rng))
+        return run_trial(agent, planner, self._bench, start, rng, self._course.commands)
 
 
 @contextmanager
