@@ -47,6 +47,11 @@ def tiny(experiment: Experiment, **changes: object) -> Experiment:
     return replace(experiment, settings=settings)
 
 
+def untold(experiment: Experiment) -> Experiment:
+    """The same trials without pictures and text."""
+    return replace(experiment, draw=lambda *_: {}, tell=lambda *_: [])
+
+
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
     return Recordings(tmp_path_factory.mktemp("recordings"), DRIVE)
@@ -142,7 +147,7 @@ def test_any_number_of_workers_gives_the_same_bytes(sweep: Path, recorded: Path)
     # two are recorded by two processes, the third is there
     for path in (recorded / "recordings").glob("*/seed-000[12].frames.npz"):
         path.unlink()
-    reproduce([tiny(TABLE1)], 3, 2, recorded, silent)
+    reproduce([untold(tiny(TABLE1))], 3, 2, recorded, silent)
     assert results_of(recorded) == results_of(sweep)
 
 
@@ -155,13 +160,13 @@ def test_a_broken_off_sweep_goes_on_and_does_nothing_twice(sweep: Path, recorded
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        reproduce([tiny(TABLE1)], 3, 1, recorded, stop)
+        reproduce([untold(tiny(TABLE1))], 3, 1, recorded, stop)
     (path,) = (recorded / "results").iterdir()
     assert len(path.read_bytes().splitlines()) == 3
     with path.open("ab") as file:
         file.write(b'{"seed": 3, "resu')  # a kill in mid-line
     again: list[tuple[str, int, int]] = []
-    reproduce([tiny(TABLE1)], 3, 1, recorded, lambda *said: again.append(said))
+    reproduce([untold(tiny(TABLE1))], 3, 1, recorded, lambda *said: again.append(said))
     assert again == [("table1", 0, 1), ("table1", 1, 1)]
     assert results_of(recorded) == results_of(sweep)
     costs = [json.loads(line) for line in (recorded / COSTS).read_text().splitlines()]
@@ -169,14 +174,14 @@ def test_a_broken_off_sweep_goes_on_and_does_nothing_twice(sweep: Path, recorded
 
 
 def test_more_seeds_are_added_to_those_that_are_there(sweep: Path, recorded: Path) -> None:
-    reproduce([tiny(TABLE1)], 2, 1, recorded, silent)
-    reproduce([tiny(TABLE1)], 3, 1, recorded, silent)
+    reproduce([untold(tiny(TABLE1))], 2, 1, recorded, silent)
+    reproduce([untold(tiny(TABLE1))], 3, 1, recorded, silent)
     assert results_of(recorded) == results_of(sweep)
 
 
 def test_other_settings_never_mix(sweep: Path, recorded: Path) -> None:
     shutil.copytree(sweep / "results", recorded / "results")
-    reproduce([tiny(TABLE1, gamma=0.5)], 1, 1, recorded, silent)
+    reproduce([untold(tiny(TABLE1, gamma=0.5))], 1, 1, recorded, silent)
     before, after = results_of(sweep), results_of(recorded)
     assert len(after) == len(before) + 1
     assert before.items() <= after.items()
@@ -196,7 +201,7 @@ def test_results_of_something_else_are_refused(tmp_path: Path) -> None:
 
 def test_two_sweeps_never_write_to_one_folder(tmp_path: Path) -> None:
     with only_one(tmp_path), pytest.raises(MacorError, match="another sweep"):
-        reproduce([tiny(TABLE1)], 1, 1, tmp_path, silent)
+        reproduce([untold(tiny(TABLE1))], 1, 1, tmp_path, silent)
 
 
 def test_comments_and_docstrings_do_not_count_as_code() -> None:
