@@ -5,8 +5,9 @@ import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from enum import StrEnum
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -28,6 +29,9 @@ from protocol.side_channel import DEFAULT_ENDPOINT
 
 _DIFFERENT: Final = 1
 _FAILED: Final = 2
+MOST_ROBOTS: Final = 32
+"""Robots in one world; one process steps them all."""
+
 _ROBOT = re.compile(r"[A-Za-z0-9_.-]+")
 _BAUD = re.compile(r"[1-9][0-9]{1,6}")
 
@@ -45,7 +49,10 @@ Without drift, ten times faster, on a line that takes no time:
 On the network of this machine, for pySerial's socket://127.0.0.1:4000:
 [cyan]khepera-emulator run --tcp 127.0.0.1:4000[/cyan]
 
-A second robot on the same machine:
+Three robots in one room, on runs/khepera-1, runs/khepera-2 and runs/khepera-3:
+[cyan]khepera-emulator run --arena open-box --robots 3 --link runs/khepera[/cyan]
+
+A second robot on the same machine, in a world of its own:
 [cyan]khepera-emulator run --robot second --link runs/second --listen tcp/127.0.0.1:7449[/cyan]
 """
 
@@ -125,6 +132,14 @@ def run(
         Path | None,
         typer.Option(metavar="FILE", help="Write down what passes on the line (see `replay`)."),
     ] = None,
+    robots: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=MOST_ROBOTS,
+            help="So many in one world; names and links get a number: khepera-1, khepera-2 ...",
+        ),
+    ] = 1,
     link: Annotated[
         Path | None, typer.Option(help="Symbolic link to make to the terminal.")
     ] = None,
@@ -150,14 +165,14 @@ def run(
 ) -> None:
     """Switch a robot on, and leave it on until Ctrl-C or SIGTERM.
 
-    Prints one line: the robot's name, its terminal or URL, and the link to it.
+    Prints one line for each robot: its name, its terminal or URL, and the link to it.
     """
     logging.basicConfig(
         level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
     )
     load_physics()
     from khepera_emulator.daemon import Daemon
-    from khepera_emulator.emulator import Emulator, Setup
+    from khepera_emulator.emulator import Setup, make_fleet
     from khepera_emulator.side_channel import SideChannel
 
     with ExitStack() as stack:
@@ -173,29 +188,40 @@ def run(
         _check_robot(robot)
         if link and (tcp or rfc2217):
             raise EmulatorError("--link points to a terminal, and --tcp and --rfc2217 have none")
-        name = stack.enter_context(Link(link) if link else nullcontext())
-        emulator = Emulator(setup)
-        stack.callback(emulator.close)
-        channel = None
-        if zenoh:
-            channel = stack.enter_context(SideChannel(robot, [listen], connect or [], camera_rate))
-        port = open_port(tcp=tcp, rfc2217=rfc2217, expose=expose)
-        stack.callback(port.close)
+        if robots > 1 and (tcp or rfc2217 or record):
+            raise EmulatorError("--tcp, --rfc2217 and --record are for one robot, not --robots")
+        names = _numbered(robot, robots)
+        links = _numbered(link.name, robots) if link else []
+        held = [stack.enter_context(Link(link.with_name(each))) for each in links] if link else []
+        emulators = make_fleet(setup, robots)
+        stack.callback(emulators[0].close)
+        channels: list[SideChannel | None] = [None] * robots
+        for k, name in enumerate(names if zenoh else ()):
+            channel = SideChannel(name, [listen], connect or [], camera_rate, channels[0])
+            channels[k] = stack.enter_context(channel)
+        ports = []
+        for _ in names:
+            ports.append(open_port(tcp=tcp, rfc2217=rfc2217, expose=expose))
+            stack.callback(ports[-1].close)
         log = None
         if record:
             log = stack.enter_context(WireLog(record, _same_robot(ctx, faults)))
+        follow_rate = baud == "auto"
         daemon = Daemon(
-            emulator,
-            port,
+            emulators[0],
+            ports[0],
             Clock(speed),
-            follow_rate=baud == "auto",
-            channel=channel,
+            follow_rate=follow_rate,
+            channel=channels[0],
             log=log,
         )
+        for k in range(1, robots):
+            daemon.add(emulators[k], ports[k], follow_rate=follow_rate, channel=channels[k])
         stack.enter_context(_signals_call(daemon.stop))
-        if name:
-            name.point_to(port.url)
-        typer.echo(f"{robot} on {port.url}" + (f", link {link}" if link else ""))
+        for name, port, claim in zip_longest(names, ports, held):
+            if claim:
+                claim.point_to(port.url)
+            typer.echo(f"{name} on {port.url}" + (f", link {claim.path}" if claim else ""))
         daemon.run()
 
 
@@ -303,6 +329,11 @@ def _scripted(script: Path | None) -> list[str]:
         return script_specs(script.read_text())
     except (OSError, UnicodeDecodeError) as error:
         raise EmulatorError(f"cannot read the fault script {script}: {error}") from None
+
+
+def _numbered(name: str, count: int) -> list[str]:
+    """Names of so many robots; a single one keeps the name."""
+    return [name] if count == 1 else [f"{name}-{k}" for k in range(1, count + 1)]
 
 
 def _check_robot(name: str) -> None:

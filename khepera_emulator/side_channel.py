@@ -40,7 +40,7 @@ _Answer = Callable[[Emulator, bytes], _Content]
 
 
 class SideChannel:
-    """Zenoh session of one emulated robot; use as a context.
+    """Zenoh keys of one emulated robot; use as a context.
 
     Streams keep their rates in real time, whatever the robot's clock does: watching costs the
     same at any speed.
@@ -50,6 +50,7 @@ class SideChannel:
         listen: endpoints to listen on.
         connect: endpoints of peers to connect to, now or when they appear.
         camera_rate: frames a second of the camera's stream.
+        beside: another robot's channel, whose session it shares instead of one of its own.
 
     Raises:
         EmulatorError: an endpoint is malformed or already in use.
@@ -61,12 +62,16 @@ class SideChannel:
         listen: Sequence[str],
         connect: Sequence[str] = (),
         camera_rate: float = 10.0,
+        beside: "SideChannel | None" = None,
     ) -> None:
         self._waiting: deque[tuple[_Replier, zenoh.Query]] = deque()
         with ExitStack() as stack:
             self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
             stack.callback(os.close, self._wake)
-            session = stack.enter_context(_open_session(listen, connect))
+            self._session: zenoh.Session = (
+                beside._session if beside else stack.enter_context(_open_session(listen, connect))
+            )
+            session = self._session
             for leaf, answer in _ANSWERS.items():
                 key = robot_key(robot, leaf)
                 session.declare_queryable(key, self._enqueue(_Replier(key, answer)))
