@@ -12,12 +12,14 @@ import cv2
 import numpy as np
 import pytest
 
+from macor_hil import cli
 from macor_hil.brain import Brain, Settings
 from macor_hil.clustering.clusterer import situations
 from macor_hil.clustering.fuzzy_art import FuzzyArt
 from macor_hil.clustering.neural_gas import Breadth
 from macor_hil.drive import COMMANDS, Driver
 from macor_hil.errors import MacorError
+from macor_hil.experiments import catalogue
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.figure2 import FIGURE2
@@ -305,3 +307,13 @@ def test_names_lead_to_experiments() -> None:
     assert find("figure5") == (FIGURE5,)
     with pytest.raises(MacorError, match="no experiment 'figure9'; give one of"):
         find("figure9")
+
+
+def test_the_command_line_names_the_page(
+    recorded: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(catalogue, "EXPERIMENTS", (untold(tiny(TABLE1)),))
+    cli.reproduce("all", seeds=1, workers=1, out=recorded)
+    said = capsys.readouterr()
+    assert said.out == f"{recorded / 'report' / 'index.html'}\n"
+    assert "table1" in said.err

@@ -171,6 +171,7 @@ def side_by_side(settings: Settings, results: Results, hours: dict[str, float]) 
         Picture("trajectories", f"First trials of seed {first}, the reinforcement below."),
         _table(settings, results, hours),
         _comparison(results),
+        Text(_verdict(results)),
     ]
 
 
@@ -210,6 +211,21 @@ def _comparison(results: Results) -> Table:
         rows.append((place, str(test.difference), counts, f"{test.p:.4f}", said))
     head = ("starts", "mean difference of length", "better / equal / worse", "p", "holds")
     return Table("Fuzzy ART over Neural Gas, paired by seed", head, tuple(rows))
+
+
+def _verdict(results: Results) -> str:
+    test = order(_lengths(results, "anywhere", ART), _lengths(results, "anywhere", GAS))
+    back = order(_lengths(results, "anywhere", GAS), _lengths(results, "anywhere", ART))
+    hit = [t.collided for n in (ART, GAS) for ts in _trials(results, "start", n) for t in ts]
+    said = "neither system is shown to drive longer than the other"
+    if test.holds:
+        said = "Fuzzy ART drives longer than the Neural Gas"
+    elif back.holds:
+        said = "the Neural Gas drives longer than Fuzzy ART"
+    return (
+        f"Here, from anywhere, {said} (mean difference {test.difference}). From the arena's start"
+        f" {sum(hit)} of all {len(hit)} trials end in a collision."
+    )
 
 
 _CLAIM: Final = (
