@@ -85,40 +85,12 @@ class TestClients:
             )
             assert reader.read_until(b"\n") == VERSION
 
-    @pytest.mark.parametrize("end", [b"\n", b"\r", b"\r\n"])
-    def test_may_end_lines_as_they_like(self, paced, end):
-        with connect(paced) as port:
-            assert ask(port, b"B" + end) == VERSION
-            assert ask(port, b"L,0,1" + end) == b"l\r\n"
-
-    def test_may_write_byte_by_byte(self, paced):
-        with connect(paced) as port:
-            for byte in b"G,12,-3\nH\n":
-                port.write(bytes([byte]))
-                port.flush()
-            assert port.read_until(b"\n") == b"g\r\n"
-            assert port.read_until(b"\n") == b"h,12,-3\r\n"
-
-    def test_may_send_requests_back_to_back(self, paced):
-        with connect(paced) as port:
-            port.write(b"B\nX\n\r\nD,0,0\n")
-            replies = [port.read_until(b"\n") for _ in range(3)]
-        assert replies == [VERSION, b"Command not found\r\n", b"d\r\n"]
-
     def test_find_no_reply_to_the_one_before(self, paced):
         for _ in range(5):
             with connect(paced) as port:
                 port.write(b"N\n" * 4)
                 assert port.read(1) == b"n"  # the rest is on its way or still to be made
             with connect(paced) as port:
-                assert ask(port, b"B\n") == VERSION
-
-    def test_find_no_reply_to_the_one_before_without_wire_time(self, unpaced):
-        for _ in range(20):
-            with connect(unpaced) as port:
-                port.write(b"N\n" * 4)
-                assert port.read(1) == b"n"
-            with connect(unpaced) as port:
                 assert ask(port, b"B\n") == VERSION
 
     def test_may_be_killed(self, unpaced):
@@ -143,13 +115,6 @@ class TestClients:
                 pass
             assert counters(port) > first
             assert ask(port, b"D,0,0\n") == b"d\r\n"
-
-    def test_may_set_modem_lines_as_far_as_a_terminal_has_them(self, unpaced):
-        with connect(unpaced, baudrate=115200, stopbits=serial.STOPBITS_TWO) as port:
-            port.reset_input_buffer()
-            port.reset_output_buffer()
-            port.send_break(0)
-            assert ask(port, b"B\n") == VERSION
 
 
 class TestNetwork:

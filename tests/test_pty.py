@@ -141,6 +141,25 @@ class TestClients:
             assert unread(second) == b""
         assert received(port) == [b""]
 
+    def test_that_write_while_somebody_looks_have_written_it(self, port, monkeypatch):
+        with client(port) as first:
+            os.write(first, b"N\n")
+            assert received(port) == [b"N\n"]
+            late = [b"O\n"]
+            take = port._watch.take
+
+            def take_late():
+                if late:
+                    os.write(first, late.pop())
+                return take()
+
+            monkeypatch.setattr(port._watch, "take", take_late)
+            os.write(first, b"E\n")
+            assert port.receive(MUCH) == [b"E\nO\n"]
+        with client(port) as second:
+            os.write(second, b"B\n")
+            assert received(port) == [b"", b"B\n"]
+
     def test_that_have_not_written_yet_get_none_of_their_predecessors_bytes(self, port):
         for _ in range(2):
             with client(port) as first:

@@ -33,6 +33,9 @@ _RATES: Final = {
     if name[0] == "B" and name[1:].isdecimal() and name != "B0"
 }
 _ALL = 1 << 16
+_LOOKS = 4
+"""How often to look again for a client that goes on writing."""
+
 _CFLAG, _ISPEED, _OSPEED = 2, 4, 5
 _TCGETS2: Final = 0x802C542A
 """Linux's request for settings with the rate as a number, on x86, ARM and RISC-V."""
@@ -150,13 +153,10 @@ class PtyPort:
         """
         kept_back = self._kept_back
         try:
-            data = self._read(limit) if limit > 0 else b""
+            data, events = self._look(limit)
         except EOFError:
             self._forget_client()
             return [b""]
-        self._kept_back = len(data) == limit
-        # only now: whoever wrote this had opened the terminal before
-        events = self._watch.take()
         change = self._count(events)
         if data:
             self._let_go()
@@ -201,6 +201,26 @@ class PtyPort:
             if error.errno == errno.EIO:
                 raise EOFError from None
             raise
+
+    def _look(self, limit: int) -> tuple[bytes, list[int]]:
+        """What was written, and the events up to it; neither is ahead of the other.
+
+        Raises:
+            EOFError: nothing, and nobody has the terminal open.
+        """
+        data = self._read(limit) if limit > 0 else b""
+        # only now: whoever wrote this had opened the terminal before
+        events = news = self._watch.take()
+        for _ in range(_LOOKS):
+            if WRITTEN not in news or len(data) >= limit:
+                break
+            # it may have been written since: otherwise a later client would pass for its writer
+            with suppress(EOFError):
+                data += self._read(limit - len(data))
+            news = self._watch.take()
+            events = events + news
+        self._kept_back = len(data) >= limit or WRITTEN in news
+        return data, events
 
     def _count(self, events: list[int]) -> _Change | None:
         """Keep count of clients; tells if one has followed another one.
