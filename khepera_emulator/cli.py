@@ -14,6 +14,7 @@ from typing import Annotated, Final
 import typer
 
 from khepera_emulator.arena import arena_names, load_arena
+from khepera_emulator.choices import option_names, parse_choices
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
@@ -26,6 +27,7 @@ from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.pty import FIRST_RATE
 from khepera_emulator.wire_log import WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
+from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
 _FAILED: Final = 2
@@ -128,6 +130,18 @@ def run(
         Path | None,
         typer.Option(metavar="FILE", help="A schedule of faults, TIME SPEC a line."),
     ] = None,
+    turret: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help=f"A turret to mount: {', '.join(TURRETS)}; repeatable."),
+    ] = None,
+    firmware: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[=VALUE]",
+            help=f"A choice where sources differ: {', '.join(option_names())}"
+            " (see docs/khepera-choices.md); repeatable.",
+        ),
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write down what passes on the line (see `replay`)."),
@@ -174,6 +188,7 @@ def run(
     from khepera_emulator.daemon import Daemon
     from khepera_emulator.emulator import Setup, make_fleet
     from khepera_emulator.side_channel import SideChannel
+    from khepera_emulator.turrets import check_turrets
 
     with ExitStack() as stack:
         faults = [*(fault or []), *_scripted(fault_script)]
@@ -184,6 +199,8 @@ def run(
             seed=seed,
             baud=_parse_baud(baud),
             faults=tuple(map(parse_fault, faults)),
+            turrets=check_turrets(turret or []),
+            choices=parse_choices(firmware or []),
         )
         _check_robot(robot)
         if link and (tcp or rfc2217):

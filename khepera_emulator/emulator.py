@@ -14,6 +14,7 @@ import numpy as np
 
 from khepera_emulator.arena import Arena
 from khepera_emulator.camera import Image, OmniCamera
+from khepera_emulator.choices import Choices
 from khepera_emulator.drift import PRESETS, DriftSettings, draw_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.faults import Fault, Faults, Happening
@@ -23,6 +24,7 @@ from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
 from khepera_emulator.places import Gap, check_room, pose_of, random_pose
 from khepera_emulator.robot import Robot
+from khepera_emulator.turrets import Equipment
 from khepera_emulator.uart import Uart
 from protocol.mirror import Mirror
 from protocol.side_channel import Outline, Pose, Reset, Truth
@@ -42,6 +44,8 @@ class Setup:
         baud: rate of its line, or None for a line that takes no time.
         faults: what goes wrong on its line.
         mirror: geometry of its camera.
+        turrets: names of what is mounted on it, from `protocol.turrets.TURRETS`.
+        choices: of its firmware, where sources leave them open.
     """
 
     arena: Arena
@@ -51,6 +55,8 @@ class Setup:
     baud: int | None = 9600
     faults: tuple[Fault, ...] = ()
     mirror: Mirror = field(default_factory=Mirror)
+    turrets: tuple[str, ...] = ()
+    choices: Choices = Choices()  # noqa: RUF009 - an immutable value
 
 
 def _log_fault(happening: Happening) -> None:
@@ -94,6 +100,10 @@ class Emulator:
         self.now = 0.0
         self._fleet = fleet or Fleet(setup.arena, setup.model.radius)
         self._number = len(self._fleet.members)
+        self._equipment = Equipment(
+            setup.turrets, setup.choices, self._fleet.radio, self._number + 1
+        )
+        self._next_rate: int | None = None
         streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
@@ -138,6 +148,13 @@ class Emulator:
     def execute(self, line: bytes, moment: float) -> None:
         """Carry out a request that has arrived at a moment; the reply goes on the line."""
         self.uart.send(self._firmware.execute(line), moment)
+        if self._next_rate is not None:
+            # a line that takes no time goes on taking none
+            self.uart.baud = self._next_rate if self.uart.baud else None
+            self._next_rate = None
+
+    def _change_rate(self, rate: int) -> None:
+        self._next_rate = rate  # the reply to the change still goes out at the rate before
 
     def truth(self) -> Truth:
         """Ground truth, now."""
@@ -213,8 +230,8 @@ class Emulator:
         setup, world = self.setup, self._fleet.world
         self._streams = streams
         self.uart.faults.begin(int(streams.line.integers(2**63)), self.now)
-        self._robot = Robot(world, setup.model, pose, self._drift, streams.driving)
-        self._firmware = Firmware(self._robot)
+        self._robot = Robot(world, setup.model, pose, self._drift, streams.driving, self._equipment)
+        self._firmware = Firmware(self._robot, self._change_rate)
         self._camera: OmniCamera | None = None
 
     def _eye(self) -> OmniCamera:

@@ -1,16 +1,25 @@
 """The protocol interpreter of the ROM: a request line in, the bytes of its reply out.
 
-No I/O: when a line arrives and when the reply leaves is the serial line's affair (`uart`).
+No I/O: when a line arrives and when the reply leaves is the serial line's affair (`uart`). What
+sources leave open is decided in `choices`.
 """
 
 from collections.abc import Callable
 
-from khepera_emulator.motors import Gains, Mode, Profile
+from khepera_emulator.motors import Gains, Mode, Profile, Wheel
 from khepera_emulator.robot import Robot
-from protocol.commands import TOOLS
+from khepera_emulator.tools import (
+    LOADER_DONE,
+    About,
+    begins_loader,
+    load_record,
+    set_rate,
+    tool_lines,
+)
 from protocol.errors import RequestError
 from protocol.messages import (
     COMMAND_NOT_FOUND,
+    PROTOCOL_ERROR,
     TURRET_NOT_SUPPORTED,
     Reply,
     Request,
@@ -18,6 +27,7 @@ from protocol.messages import (
     encode_line,
     parse_request,
 )
+from protocol.turrets import parse_message
 
 _OPEN_BUS = 255
 """What an address reads that nothing answers on."""
@@ -26,10 +36,19 @@ _LED_OFF, _LED_ON = 0, 1
 
 
 class Firmware:
-    """Interpreter of one robot's serial protocol."""
+    """Interpreter of one robot's serial protocol.
 
-    def __init__(self, robot: Robot) -> None:
+    Args:
+        robot: what it reads and drives.
+        on_rate: told the rate in bits a second that the tool `serial` sets, to hold from after
+            its reply.
+    """
+
+    def __init__(self, robot: Robot, on_rate: Callable[[int], None] = lambda _: None) -> None:
         self._robot = robot
+        self._on_rate = on_rate
+        self._choices = robot.equipment.choices
+        self._loading = False
         self._commands: dict[str, Callable[[tuple[int, ...]], tuple[int, ...]]] = {
             "A": self._configure_speed,
             "C": self._set_position,
@@ -38,38 +57,76 @@ class Firmware:
             "F": self._configure_position,
             "G": self._set_counters,
             "H": lambda _: tuple(wheel.counter for wheel in self._robot.wheels),
-            "I": lambda arguments: (self._robot.panel.analogue[arguments[0]],),
+            "I": self._read_analogue,
             "J": self._configure_profile,
             "K": self._motion_status,
             "L": self._change_led,
             "N": lambda _: self._robot.proximity(),
             "O": lambda _: self._robot.ambient(),
             "P": self._set_duty,
-            "R": lambda arguments: (self._robot.panel.inputs.get(arguments[0], _OPEN_BUS),),
+            "R": self._read_bus,
             "W": self._write_bus,
         }
 
     def banner(self) -> bytes:
         """What the robot says after power-on."""
-        return b"".join(encode_line(line) for line in self._robot.model.banner)
+        rom, choices = self._robot.model.rom, self._choices
+        name, date = choices.rom_name or rom.name, choices.rom_date or rom.date
+        revision = choices.rom_revision or rom.revision
+        return encode_line(
+            f"ROM of minirobot {name}, Edoardo Franzi K-Team S.A. {date} Rev. {revision}"
+        ) + encode_line("Serial Communication Protocol")
 
     def execute(self, line: bytes) -> bytes:
-        """Carry out one request line; every line gets an answer."""
+        """Carry out one request line; every line gets an answer, but for the loader's records."""
+        if self._loading:
+            said = load_record(line)
+            if said is not None:
+                self._loading = said != LOADER_DONE
+                return encode_line(said) if said else b""
+            self._loading = False  # as nothing but power-on could end it on the robot (a choice)
+        choices = self._choices
         try:
-            request = parse_request(line)
+            request = parse_request(
+                line,
+                reject_beyond=choices.reject_beyond,
+                ignore_extra=not choices.count_arguments,
+            )
+            if isinstance(request, ToolCall):
+                return self._run_tool(request)
+            return self._answer(request)
         except RequestError as error:
-            return encode_line(error.reply)
-        if isinstance(request, ToolCall):
-            return self._run_tool(request)
-        return self._answer(request)
+            return encode_line(self._refusal(error.reply))
+
+    def _refusal(self, text: str) -> str:
+        if text == COMMAND_NOT_FOUND and self._choices.error_prefix:
+            return f"z,{text}"
+        if text == PROTOCOL_ERROR and self._choices.error_dot:
+            return f"{text}."
+        return text
 
     def _answer(self, request: Request) -> bytes:
         letter = request.letter.lower()
         if request.letter == "B":
-            return Reply(letter, text=self._robot.model.versions).encode()
+            return Reply(letter, text=self._versions()).encode()
         if request.letter == "T":
-            return encode_line(TURRET_NOT_SUPPORTED)
+            return self._pass_on(request).encode()
         return Reply(letter, self._commands[request.letter](request.arguments)).encode()
+
+    def _versions(self) -> tuple[str, str]:
+        bios, protocol = self._robot.model.versions
+        return self._choices.bios or bios, self._choices.protocol or protocol
+
+    def _pass_on(self, request: Request) -> Reply:
+        """A message to a turret; an error if there is none that understands it."""
+        (number,) = request.arguments
+        turret = self._robot.turrets.find(number)
+        if turret is None:
+            raise RequestError(TURRET_NOT_SUPPORTED, f"no turret {number} is mounted")
+        ignore_extra = not self._choices.count_arguments
+        message, arguments = parse_message(turret.kind, request.rest, ignore_extra=ignore_extra)
+        values = turret.answer(message.letter, arguments, self._robot.time)
+        return Reply("t", (number,), (message.letter.lower(), *map(str, values)))
 
     def _configure_speed(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
         for wheel in self._robot.wheels:
@@ -103,14 +160,33 @@ class Firmware:
 
     def _set_counters(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
         for wheel, value in zip(self._robot.wheels, arguments, strict=True):
+            if self._choices.counters_carry_target:
+                wheel.target += value - wheel.counter
             wheel.counter = value
         return ()
 
     def _motion_status(self, _: tuple[int, ...]) -> tuple[int, ...]:
-        status: list[int] = []
-        for wheel in self._robot.wheels:
-            status += [wheel.reached, wheel.mode is not Mode.POSITION, wheel.error]
-        return tuple(map(int, status))
+        left, right = self._robot.wheels
+        return (*self._wheel_status(left), *self._wheel_status(right))
+
+    def _wheel_status(self, wheel: Wheel) -> tuple[int, int, int]:
+        choices = self._choices
+        reached, speed_mode = wheel.reached, wheel.mode is not Mode.POSITION
+        if wheel.mode is Mode.SPEED:
+            reached = choices.reached_at_rest and wheel.set_speed == 0
+        elif speed_mode is False:
+            speed_mode = choices.speed_mode_once_reached and reached
+        return int(reached), int(speed_mode), wheel.error
+
+    def _read_analogue(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+        (channel,) = arguments
+        counts = self._robot.turrets.analogue(channel)
+        return (self._robot.panel.analogue[channel] if counts is None else counts,)
+
+    def _read_bus(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+        (address,) = arguments
+        byte = self._robot.turrets.read_bus(address)
+        return (self._robot.panel.inputs.get(address, _OPEN_BUS) if byte is None else byte,)
 
     def _change_led(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
         led, action = arguments
@@ -121,40 +197,23 @@ class Firmware:
     def _write_bus(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
         data, address = arguments
         self._robot.panel.outputs[address] = data
+        self._robot.turrets.write_bus(address, data)
         return ()
 
     def _run_tool(self, call: ToolCall) -> bytes:
         if call.word == "restart":
             self._robot.power_on()
             return self.banner()
-        return b"".join(encode_line(line) for line in self._tool_lines(call))
+        lines = tool_lines(call.word, call.arguments, self._about())
+        if lines is None:
+            raise RequestError(COMMAND_NOT_FOUND, f"no such tool: {call}")
+        self._loading = begins_loader(call.word, call.arguments)
+        rate = set_rate(call.word, call.arguments)
+        if rate is not None:
+            self._on_rate(rate)
+        return b"".join(map(encode_line, lines))
 
-    def _tool_lines(self, call: ToolCall) -> list[str]:
-        """Text of a tool; where the robot's own wording is unknown, plain words stand in."""
-        bios, protocol = self._robot.model.versions
-        match call.word:
-            case "memory":
-                return [
-                    "First free ROM address:   16'00012490, used 57%",
-                    "First free RAM 1 address: 16'001243F4, used 13%",
-                    "First free RAM 2 address: 16'001A0000, used 0%",
-                ]
-            case "process":
-                return [
-                    "Process N. 00000000  IDLE process for the micro-kernell, EF-98: Rev. 1.00",
-                    "Process N. 00000001  Start-up process of the Khepera, EF-98:    Rev. 5.00",
-                ]
-            case "help":
-                return [f"{word}: {title}" for word, title in TOOLS.items()]
-            case "list":
-                return [f"BIOS Rev. {bios}", f"Serial communication protocol Rev. {protocol}"]
-            case "ver":
-                return [f"BIOS Rev. {bios}, protocol Rev. {protocol}"]
-            case "net":
-                return ["No turret on the extension bus"]
-            case "serial":
-                return ["Serial line: 8 data bits, no parity, 2 stop bits"]
-            case "k-team":
-                return ["K-Team S.A., Switzerland", "ROM: Edoardo Franzi"]
-            case _:
-                return [COMMAND_NOT_FOUND]
+    def _about(self) -> About:
+        model = self._robot.model
+        bios, protocol = self._versions()
+        return About(bios, protocol, model.bauds, model.has_flash, self._robot.equipment.turrets)

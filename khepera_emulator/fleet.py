@@ -9,6 +9,7 @@ from khepera_emulator.crew import Crew
 from khepera_emulator.geometry import Disc, Footprint, Surroundings, footprint
 from khepera_emulator.places import Gap
 from khepera_emulator.robot import Robot
+from khepera_emulator.turrets import RadioMedium
 from khepera_emulator.uart import Uart, on_grid
 from khepera_emulator.world import World
 from protocol.side_channel import Pose
@@ -44,12 +45,14 @@ class Fleet:
     Attributes:
         now: time that everything has been brought to, in seconds; a multiple of `uart.GRID`.
         world: where they are; another one after `renew`.
+        radio: the air between their radio turrets.
         members: the robots, in the order in which they do what happens at the same time.
     """
 
     def __init__(self, arena: Arena, radius: float, size: int = 1) -> None:
         self.now = 0.0
         self.members: list[Member] = []
+        self.radio = RadioMedium()
         self._arena = arena
         self._radius = radius
         self._shared = size > 1

@@ -50,8 +50,28 @@ class ProximityCurve:
 
 
 @dataclass(frozen=True, slots=True)
+class Rom:
+    """What the first line of the banner says of the robot's ROM.
+
+    Attributes:
+        name: of the robot; clients look for `KHEPERA` at its beginning.
+        date: as printed.
+        revision: d.dd.
+    """
+
+    name: str
+    date: str
+    revision: str
+
+
+@dataclass(frozen=True, slots=True)
 class Model:
-    """A robot: body, line, versions and sensors."""
+    """A robot: body, line, versions and sensors.
+
+    Attributes:
+        versions: of BIOS and protocol, as B reads them.
+        has_flash: whether user programs can be burnt into a flash memory.
+    """
 
     name: str
     title: str
@@ -62,12 +82,13 @@ class Model:
     wheel_base: float
     bauds: tuple[int, ...]
     versions: tuple[str, str]
-    banner: tuple[str, str]
+    rom: Rom
     sensor_bearings: tuple[float, ...]
     sensor_directions: tuple[float, ...]
     proximity: ProximityCurve
     dark: int
     motor: Motor
+    has_flash: bool = False
     speed_gains: tuple[int, int, int] = (3800, 800, 100)
     position_gains: tuple[int, int, int] = (3000, 20, 4000)
     profile: tuple[int, int] = (20, 64)
@@ -133,10 +154,8 @@ _KHEPERA2_PROXIMITY = ProximityCurve(
     noise=(12.0, 0.02),
 )
 
-_BANNER = (
-    "ROM of minirobot KHEPERA, Edoardo Franzi K-Team S.A. October 22, 1998 Rev. 5.01",
-    "Serial Communication Protocol",
-)
+# of a real robot (K-Team's FAQ); the wording on a Khepera II is unknown and taken to be the same
+_ROM = Rom("KHEPERA", "October 22, 1998", "5.01")
 
 KHEPERA: Final = Model(
     name="khepera",
@@ -148,7 +167,7 @@ KHEPERA: Final = Model(
     wheel_base=0.053,
     bauds=(9600, 19200, 38400),
     versions=("5.01", "5.00"),
-    banner=_BANNER,
+    rom=_ROM,
     # where the sensors sit (KiKS) and where they were measured to look (centres of Nolfi's lobes)
     sensor_bearings=_degrees(68, 43, 13, -13, -43, -68, -158, 158),
     sensor_directions=_degrees(70, 42, 8, -16, -45, -76, -170, 166),
@@ -167,13 +186,14 @@ KHEPERA2: Final = Model(
     wheel_base=0.053,
     bauds=(9600, 19200, 38400, 57600, 115200),
     versions=("5.02", "5.01"),
-    banner=_BANNER,
+    rom=_ROM,
     # positions of the Webots model; directions: its axes, the side ones as the lobes above
     sensor_bearings=_degrees(61, 44, 14, -14, -44, -61, -166, 166),
     sensor_directions=_degrees(70, 42, 8, -8, -42, -70, 180, 180),
     proximity=_KHEPERA2_PROXIMITY,
     dark=488,
     motor=Motor(),
+    has_flash=True,
 )
 
 MODELS: Final = MappingProxyType({model.name: model for model in (KHEPERA, KHEPERA2)})

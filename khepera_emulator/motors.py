@@ -14,8 +14,6 @@ from khepera_emulator.models import Motor
 from protocol.units import CONTROL_PERIOD
 
 FULL_DUTY = 255.0
-REACHED_WITHIN = 1
-"""Counts between position and target at which a finished profile counts as reached (a choice)."""
 
 
 class Mode(Enum):
@@ -52,12 +50,15 @@ class Wheel:
         speed: present speed.
         measured: counts of the last period, which is all that the controllers see.
         offset: what G added to the encoder.
+        reached_within: counts between position and target at which a finished profile counts as
+            reached.
     """
 
     motor: Motor
     speed_gains: Gains
     position_gains: Gains
     profile: Profile
+    reached_within: int = 1
     mode: Mode = Mode.SPEED
     set_speed: int = 0
     target: int = 0
@@ -79,7 +80,7 @@ class Wheel:
     @property
     def counter(self) -> int:
         """Encoder counter, a signed 32-bit number that wraps."""
-        return (floor(self.travel) + self.offset + 2**31) % 2**32 - 2**31
+        return _wrap(floor(self.travel) + self.offset)
 
     @counter.setter
     def counter(self, value: int) -> None:
@@ -90,7 +91,7 @@ class Wheel:
     def error(self) -> int:
         """Control error: target minus position, or set speed minus measured speed."""
         if self.mode is Mode.POSITION:
-            return self.target - self.counter
+            return _wrap(self.target - self.counter)
         return self.set_speed - self.measured if self.mode is Mode.SPEED else 0
 
     def drive_speed(self, speed: int) -> None:
@@ -126,7 +127,7 @@ class Wheel:
             self._advance_reference()
             # the profile's own speed is fed forward, so that the PID has only its errors to mend
             duty = self._holding_duty(self._reference_speed) + self._pid(
-                self.position_gains, self._reference - self.counter
+                self.position_gains, self._lag()
             )
             duty = min(max(duty, -FULL_DUTY), FULL_DUTY)
         force = abs(duty) - self.motor.friction
@@ -148,7 +149,7 @@ class Wheel:
             self.reached = (
                 self._reference == self.target
                 and self._reference_speed == 0.0
-                and abs(self.error) <= REACHED_WITHIN
+                and abs(self.error) <= self.reached_within
             )
 
     def at_rest(self) -> bool:
@@ -158,6 +159,11 @@ class Wheel:
         if self.mode is Mode.POSITION:
             return self.reached and self.error == 0
         return not (self.set_speed if self.mode is Mode.SPEED else self.set_duty)
+
+    def _lag(self) -> float:
+        """Way from the wheel to the profile's reference, which may lie on both sides of a wrap."""
+        lag = self._reference - (floor(self.travel) + self.offset)
+        return lag - round(lag / 2**32) * 2**32
 
     def _clear(self) -> None:
         self._integral = self._last_error = 0.0
@@ -200,3 +206,8 @@ class Wheel:
             return
         self._reference += speed
         self._reference_speed = speed
+
+
+def _wrap(count: int) -> int:
+    """A count as a signed 32-bit number holds it."""
+    return (count + 2**31) % 2**32 - 2**31

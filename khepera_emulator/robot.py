@@ -9,6 +9,8 @@ from khepera_emulator.drift import slip_sequence
 from khepera_emulator.infrared import SCAN_PERIOD, Infrared
 from khepera_emulator.models import Model
 from khepera_emulator.motors import Gains, Profile, Wheel
+from khepera_emulator.turrets import Equipment, Site, mount
+from khepera_emulator.turrets.grasp import WorldThings
 from khepera_emulator.world import World
 from protocol.side_channel import Pose, Truth, WheelDrift
 from protocol.units import CONTROL_PERIOD, PULSE
@@ -39,7 +41,8 @@ class Robot:
         model: which of the two robots.
         pose: where it is put down.
         drift: what its encoders do not see.
-        rng: source of all its randomness: slip and sensor noise have a stream each.
+        rng: source of all its randomness: slip, sensor noise and turrets have a stream each.
+        equipment: what it carries, and the choices of its firmware.
     """
 
     def __init__(
@@ -49,9 +52,11 @@ class Robot:
         pose: Pose,
         drift: WheelDrift,
         rng: np.random.Generator,
+        equipment: Equipment | None = None,
     ) -> None:
         self.model = model
-        slip, sensors = rng.spawn(2)
+        self.equipment = equipment or Equipment()
+        slip, sensors, turrets = rng.spawn(3)
         self.drift = drift
         self._slip = slip_sequence(slip)
         self.chassis = Chassis(world, model, self.drift, pose)
@@ -61,10 +66,14 @@ class Robot:
         self._scans: dict[str, tuple[int, ...]] = {}
         self._start_scan()
         self._free = self._counts = (0.0, 0.0)
+        self.turrets = mount(self.equipment, self._site(world), turrets)
         self.power_on()
 
     def power_on(self) -> None:
-        """Everything that power-on, the reset button or `restart` sets; the body stays put."""
+        """Everything that power-on, the reset button or `restart` sets; the body stays put.
+
+        Turrets have processors of their own, which `restart` does not reach (a choice).
+        """
         self.wheels = self._wheel(), self._wheel()
         self.panel = Panel()
 
@@ -74,6 +83,7 @@ class Robot:
         self.touched = False
         self._start_scan()
         self.power_on()
+        self.turrets.power_on()
 
     @property
     def time(self) -> float:
@@ -104,6 +114,8 @@ class Robot:
         if ticks // _SCAN_TICKS > self.ticks // _SCAN_TICKS:
             self._start_scan()
         self.ticks = ticks
+        if self.turrets:
+            self.turrets.step(self.time)
 
     def aim(self) -> None:
         """First part of a control period: what the motors want."""
@@ -121,6 +133,8 @@ class Robot:
             wheel.roll(turned, turned if held else speed)
         if self.ticks % _SCAN_TICKS == 0:
             self._start_scan()
+        if self.turrets:
+            self.turrets.step(self.time)
 
     def tick(self) -> None:
         """Let one control period pass."""
@@ -155,6 +169,16 @@ class Robot:
         self._scan_pose = chassis.x, chassis.y, chassis.heading
         self._scans.clear()
 
+    def _site(self, world: World) -> Site:
+        chassis, scene = self.chassis, self.chassis.scene
+        return Site(
+            radius=self.model.radius,
+            place=lambda: (chassis.x, chassis.y, chassis.heading),
+            rays=scene,
+            sky=sum(world.arena.sky) / 3,
+            things=WorldThings(world, scene),
+        )
+
     def _intend(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Ways in metres that the motors give the wheels in this period, and their slips."""
         left, right = self.wheels
@@ -174,4 +198,5 @@ class Robot:
             Gains(*model.speed_gains),
             Gains(*model.position_gains),
             Profile(*model.profile),
+            self.equipment.choices.reached_within,
         )

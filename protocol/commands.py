@@ -147,6 +147,7 @@ COMMANDS: Final = MappingProxyType({command.letter: command for command in _TABL
 
 TOOLS: Final = MappingProxyType(
     {
+        "flash": "erase (E) or write (W) the flash memory",
         "help": "list the tools",
         "k-team": "list the people behind the robot",
         "list": "list the modules in ROM",
@@ -156,7 +157,12 @@ TOOLS: Final = MappingProxyType(
         "restart": "start again, as after power-on",
         "run": "start a module in ROM",
         "serial": "show or set the rate of the serial line",
+        "sfill": "load S-records to be written to the flash memory",
+        "var": "list the variables",
         "ver": "show the versions",
     }
 )
 """Lower-case words that run a tool of the ROM; arguments are separated by blanks."""
+
+FLASH_TOOLS: Final = frozenset({"flash", "sfill"})
+"""Tools of a robot with a flash memory for user programs, the Khepera II (NRS)."""

@@ -100,12 +100,15 @@ def build_request(letter: str, *arguments: int, rest: tuple[str, ...] = ()) -> R
     return Request(letter, arguments, rest)
 
 
-def parse_request(line: bytes, *, reject_beyond: bool = False) -> Request | ToolCall:
+def parse_request(
+    line: bytes, *, reject_beyond: bool = False, ignore_extra: bool = True
+) -> Request | ToolCall:
     """Read one request line, without its line end, as the robot does.
 
     Args:
         line: what came between two line ends.
         reject_beyond: refuse every number out of range, also where the table says to clamp.
+        ignore_extra: take no notice of arguments to a command that has none, as KiKS does.
 
     Raises:
         RequestError: with the robot's answer in `reply`.
@@ -117,6 +120,8 @@ def parse_request(line: bytes, *, reject_beyond: bool = False) -> Request | Tool
     word, *arguments = text.split(",")
     command = COMMANDS.get(word.rstrip(" "))
     if command is not None:
+        if ignore_extra and not command.request:
+            return Request(command.letter)
         return _parse_arguments(command, arguments, reject_beyond)
     words = text.split()
     if words and not text.startswith(" ") and words[0] in TOOLS:
@@ -125,21 +130,24 @@ def parse_request(line: bytes, *, reject_beyond: bool = False) -> Request | Tool
 
 
 def _parse_arguments(command: Command, arguments: list[str], reject_beyond: bool) -> Request:
-    if not command.request:
-        return Request(command.letter)  # as KiKS: what follows `N` is ignored
     needed = len(command.request)
     if len(arguments) < needed + command.open_ended or (
         len(arguments) > needed and not command.open_ended
     ):
         raise RequestError(PROTOCOL_ERROR, f"{command.letter} takes {needed} argument(s)")
     numbers = tuple(
-        _parse_number(field, argument, reject_beyond)
+        parse_number(field, argument, reject_beyond=reject_beyond)
         for field, argument in zip(command.request, arguments, strict=False)
     )
     return Request(command.letter, numbers, tuple(arguments[needed:]))
 
 
-def _parse_number(field: Field, argument: str, reject_beyond: bool) -> int:
+def parse_number(field: Field, argument: str, *, reject_beyond: bool = False) -> int:
+    """The number of a field as it stands in a request; blanks around it do not count.
+
+    Raises:
+        RequestError: no integer, or one out of range that the field does not clamp.
+    """
     match = _NUMBER.fullmatch(argument)
     if match is None:
         raise RequestError(PROTOCOL_ERROR, f"{field.name}: {argument!r} is not an integer")
@@ -178,9 +186,14 @@ def parse_reply(request: Request, line: bytes) -> Reply:
         if not all(_VERSION.fullmatch(word) for word in words):
             raise error("versions of the form d.dd expected")
         return Reply(head, text=tuple(words))
-    if not all(_NUMBER.fullmatch(word) for word in words):
+    if not all(map(is_integer, words)):
         raise error("integers expected")
     return Reply(head, tuple(map(int, words)))
+
+
+def is_integer(word: str) -> bool:
+    """Whether a word of a request or reply is an integer of at most ten digits."""
+    return _NUMBER.fullmatch(word) is not None
 
 
 def _is_refusal(line: bytes) -> bool:

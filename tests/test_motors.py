@@ -199,3 +199,32 @@ def test_a_held_wheel_reads_what_it_really_turned():
     assert turning.measured == 0
     assert turning.counter == 0
     assert turning.error == 20
+
+
+def test_a_wheel_pushed_over_the_edge_of_the_counter_comes_back():
+    turning = wheel()
+    turning.counter = 2**31 - 1
+    turning.drive_position(0)
+    turning.roll(5.0, 0.0)
+    assert turning.counter < 0
+    assert turning.control() < 0.0
+
+
+def test_the_error_holds_32_bits():
+    turning = wheel()
+    turning.counter = -(2**31)
+    turning.drive_position(2**23 - 2)
+    assert turning.error == 2**23 - 2 - 2**31
+
+
+@pytest.mark.parametrize(("within", "reached"), [(0, False), (100, True)])
+def test_a_move_counts_as_reached_within_some_counts(within, reached):
+    turning = wheel()
+    turning.reached_within = within
+    turning.position_gains = Gains(0, 0, 0)
+    turning.drive_position(800)
+    run(turning, 50)
+    turning.roll(-20.0, 0.0)
+    run(turning, 150)
+    assert turning.error != 0
+    assert turning.reached == reached

@@ -15,6 +15,9 @@ Options after `?`, joined with `&`:
     baud=unpaced   a line that takes no time; a number fixes the robot's rate: with other
                    settings the client reads and sends garbage (the client's rate)
     fault=SPEC     something that goes wrong on the line, see `khepera_emulator.faults`; repeatable
+    turret=NAME    gripper, k213, radio or general-io; repeatable
+    firmware=NAME  a choice of `khepera_emulator.choices`, such as reject-beyond or
+                   firmware=reached-within=2; repeatable
 
 Not modelled: break conditions and modem lines are accepted and do nothing.
 """
@@ -30,7 +33,8 @@ from serial.serialutil import PortNotOpenError
 from khepera_emulator.clock import on_grid
 from khepera_emulator.line_coding import LineFormat
 
-_OPTIONS = ("seed", "model", "drift", "baud", "fault")
+_REPEATABLE = ("fault", "turret", "firmware")
+_OPTIONS = ("seed", "model", "drift", "baud", *_REPEATABLE)
 _DIGITS = 18
 _POLL_TIME = 1e-4
 """Seconds that asking for bytes takes when there are none, and nobody waits."""
@@ -56,17 +60,19 @@ class Serial(SerialBase):
             raise SerialException("Port is already open.")
         # pySerial swallows an ImportError at its look-up of URL schemes: import when opening
         from khepera_emulator.arena import load_arena
+        from khepera_emulator.choices import parse_choices
         from khepera_emulator.drift import parse_drift
         from khepera_emulator.errors import EmulatorError
         from khepera_emulator.faults import parse_fault
         from khepera_emulator.models import find_model
         from khepera_emulator.physics import load_physics
 
-        arena, options, faults = _split(str(self.portstr))
+        arena, options, lists = _split(str(self.portstr))
         self._rate = options.get("baud", "auto")
         try:
             load_physics()
             from khepera_emulator.emulator import Emulator, Setup
+            from khepera_emulator.turrets import check_turrets
 
             setup = Setup(
                 arena=load_arena(arena),
@@ -74,7 +80,9 @@ class Serial(SerialBase):
                 drift=parse_drift(options.get("drift", "default")),
                 seed=_whole("seed", options.get("seed", "0")),
                 baud=_rate(self._rate),
-                faults=tuple(map(parse_fault, faults)),
+                faults=tuple(map(parse_fault, lists["fault"])),
+                turrets=check_turrets(lists["turret"]),
+                choices=parse_choices(lists["firmware"]),
             )
             self.emulator = Emulator(setup)
         except EmulatorError as error:
@@ -239,8 +247,8 @@ class Serial(SerialBase):
         return False
 
 
-def _split(url: str) -> tuple[str, dict[str, str], list[str]]:
-    """Arena, options and faults of a URL."""
+def _split(url: str) -> tuple[str, dict[str, str], dict[str, list[str]]]:
+    """Arena, options, and the values of repeatable options of a URL."""
     parts = urlsplit(url)
     pairs = parse_qsl(parts.query, keep_blank_values=True)
     options = dict(pairs)
@@ -249,8 +257,8 @@ def _split(url: str) -> tuple[str, dict[str, str], list[str]]:
         raise SerialException(
             f"{url}: unknown option {unknown[0]!r}; there are {', '.join(_OPTIONS)}"
         )
-    faults = [value for name, value in pairs if name == "fault"]
-    return parts.netloc + parts.path, options, faults
+    lists = {option: [v for name, v in pairs if name == option] for option in _REPEATABLE}
+    return parts.netloc + parts.path, options, lists
 
 
 def _whole(name: str, text: str) -> int:

@@ -1,0 +1,95 @@
+"""Conversations with both robots, compared to the letter with the transcripts in `golden`."""
+
+from pathlib import Path
+
+import pytest
+from transcripts import FOLDER, Exchange, exchanges, play, url_of
+
+from khepera_emulator.choices import option_names
+from khepera_emulator.models import MODELS
+from protocol.commands import COMMANDS, FLASH_TOOLS, TOOLS
+from protocol.messages import COMMAND_NOT_FOUND, PROTOCOL_ERROR, TURRET_NOT_SUPPORTED
+from protocol.turrets import TURRETS
+
+FILES = sorted(FOLDER.glob("*.txt"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_the_conversation_is_the_same(path: Path, request: pytest.FixtureRequest) -> None:
+    text = path.read_text()
+    again = play(text)
+    if request.config.getoption("--update-golden"):
+        path.write_text(again)
+    else:
+        assert again == text
+
+
+def said(model: str) -> list[Exchange]:
+    texts = [path.read_text() for path in FILES]
+    return [pair for text in texts if f"model={model}&" in text for pair in exchanges(text)]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_letter_occurs_with_its_own_reply(model):
+    answered = {
+        pair.request[:1].decode("latin-1")
+        for pair in said(model)
+        if pair.reply and pair.reply[0].split(",")[0] == pair.request[:1].decode("latin-1").lower()
+    }
+    assert answered == set(COMMANDS)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_tool_occurs(model):
+    found = [COMMAND_NOT_FOUND]
+    known = {
+        pair.request.split()[0].decode("latin-1")
+        for pair in said(model)
+        if pair.request.split() and pair.reply and pair.reply != found
+    }
+    has_flash = MODELS[model].has_flash
+    assert known & set(TOOLS) == (set(TOOLS) if has_flash else set(TOOLS) - FLASH_TOOLS)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_error_occurs(model):
+    replies = {line for pair in said(model) for line in pair.reply}
+    assert {COMMAND_NOT_FOUND, PROTOCOL_ERROR, TURRET_NOT_SUPPORTED} <= replies
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_turret_message_occurs_with_its_own_reply(model):
+    answered = set()
+    for pair in said(model):
+        head = pair.request.decode("latin-1").split(",")[:3]
+        if head[0] == "T" and len(head) == 3:
+            prefix = f"t,{head[1]},{head[2].lower()}"
+            if any(line.split(",")[:3] == prefix.split(",") for line in pair.reply):
+                answered.add((int(head[1]), head[2]))
+    assert answered == {
+        (kind.number, letter) for kind in TURRETS.values() for letter in kind.messages
+    }
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("name", TURRETS)
+def test_every_turret_is_listed_by_net(model, name):
+    assert any(
+        pair.request == b"net" and TURRETS[name].title in line
+        for pair in said(model)
+        for line in pair.reply
+    )
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_switch_is_turned(model):
+    urls = [url_of(path.read_text()) for path in FILES if f"{model}-choices" in path.stem]
+    assert all(f"firmware={name}" in urls[0] for name in option_names())
+
+
+def test_both_robots_have_the_same_conversations():
+    topics = {
+        model: {path.stem.partition("-")[2] for path in FILES if path.stem.split("-")[0] == model}
+        for model in MODELS
+    }
+    assert topics["khepera"] == topics["khepera2"] != set()
