@@ -49,6 +49,10 @@ class TestBytes:
         assert len({a ^ b for a, b in zip(data, TEXT, strict=True)}) > 3
         assert told[0] == f"0.000977 s, reply: flip: b'N' becomes {data[:1]!r}"
 
+    def test_have_any_bit_flipped_however_rare_it_is(self):
+        data, _, _ = through(faults("flip:p=0.05")[0], bytes(4000))
+        assert set(data) == {0, *(1 << bit for bit in range(8))}
+
     def test_come_twice(self):
         made, _ = faults("duplicate:n=1")
         data, times, late = through(made)
@@ -99,6 +103,9 @@ class TestReplies:
         kept = {made.on_reply(1.0, TEXT) for _ in range(200)}
         assert kept == {TEXT[:count] for count in range(len(TEXT))}
         assert told[0].startswith("1.000000 s, reply: truncate: b'")
+        made, _ = faults("truncate:p=0.1")
+        rare = {len(made.on_reply(1.0, TEXT)) for _ in range(2000)}
+        assert rare == set(range(len(TEXT) + 1))
 
     def test_have_text_before_them(self):
         made, told = faults(r"stray:p=1,n=1,text=a,b\r\n\xff")

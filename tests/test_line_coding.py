@@ -47,6 +47,12 @@ def test_garbage_by_hand():
     ]
 
 
+def test_a_start_bit_is_looked_at_in_its_middle():
+    # the low of one bit lasts for two thirds of the receiver's bit, or for half of it
+    assert receive(b"\xff", LineFormat(14400), LineFormat(9600)) == [Heard(0.0, 0xFF)]
+    assert receive(b"\xff", LineFormat(19200), LineFormat(9600)) == []
+
+
 def test_characters_begin_when_they_were_sent():
     starts = [each.start for each in receive(b"abc", LineFormat(9600), LineFormat(9600))]
     assert starts == pytest.approx([0.0, 10 / 9600, 20 / 9600])
