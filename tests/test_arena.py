@@ -73,7 +73,10 @@ def test_a_straight_drive_collides_in_the_eighth_command(name):
 
 
 def test_the_mirror_image_of_the_corridor_is_one():
-    plan, mirrored = FloorPlan(load_arena("corridor")), FloorPlan(load_arena("corridor-mirror"))
+    arena, other = load_arena("corridor"), load_arena("corridor-mirror")
+    assert other.start == arena.start
+    assert other.free.points == [(x, -y) for x, y in arena.free.points]
+    plan, mirrored = FloorPlan(arena), FloorPlan(other)
     for x, y in np.random.default_rng(0).uniform([-0.2, -0.2], [1.2, 1.2], (300, 2)):
         assert plan.clearance(x, y) == pytest.approx(mirrored.clearance(x, -y))
 

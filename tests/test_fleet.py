@@ -184,6 +184,18 @@ class TestContact:
         assert pose == alone.truth().pose
         alone.close()
 
+    def test_nothing_bumps_into_where_a_robot_was(self, fleet):
+        box = {"shape": "box", "centre": [-0.08, 0.0], "size": [0.03, 0.03]}
+        first, second = fleet(2, {"x": -0.15, "y": 0.0, "heading": 0.0}, object=[box])
+        ask(first, b"D,15,15")
+        after(first, 2.0)
+        ask(first, b"D,0,0")
+        ask(second, b"D,8,8")
+        # the second pushes the box through the place that the first has left
+        assert after(second, 3.0).pose.x == pytest.approx(-0.15 + 0.19, abs=0.01)
+        assert second.truth().touched
+        assert not first.truth().touched
+
 
 class TestSight:
     def test_infrared_sees_a_robot_as_a_grey_post(self):
