@@ -1,5 +1,7 @@
 """Switches of the firmware and tools of the ROM, as names and texts."""
 
+from pathlib import Path
+
 import pytest
 
 from khepera_emulator.choices import Choices, option_names, parse_choices
@@ -63,3 +65,11 @@ def test_every_switch_has_a_name():
 )
 def test_the_loader_reads_records(line, said):
     assert load_record(line) == said
+
+
+def test_the_page_of_choices_is_complete():
+    page = (Path(__file__).parents[1] / "docs" / "khepera-choices.md").read_text()
+    rows = [line.split("|")[1].strip() for line in page.splitlines() if line.startswith("| ")]
+    numbers = sorted(int(number) for number in rows if number.isdecimal())
+    assert numbers == list(range(1, 23))
+    assert all(f"`{name}" in page for name in option_names())

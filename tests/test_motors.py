@@ -210,6 +210,14 @@ def test_a_wheel_pushed_over_the_edge_of_the_counter_comes_back():
     assert turning.control() < 0.0
 
 
+def test_a_move_begins_beyond_the_edge_of_the_counter():
+    turning = wheel()
+    turning.counter = 2**31 - 1
+    turning.roll(5.0, 0.0)
+    turning.drive_position(0)
+    assert turning.control() == pytest.approx(0.0, abs=5.0)
+
+
 def test_the_error_holds_32_bits():
     turning = wheel()
     turning.counter = -(2**31)

@@ -168,6 +168,19 @@ def test_a_held_thing_goes_up_along_and_down():
     assert ask(turret, "F", now=now + 3.6) == (0,)
 
 
+def test_what_was_put_down_can_be_lifted_again():
+    nest = Nest(POST)
+    turret = gripper(nest)
+    now = 0.0
+    for _ in range(2):
+        now = hold(turret, now)
+        ask(turret, "E", 150, now=now)
+        ask(turret, "D", 0, now=now + 1.0)
+        now += 2.0
+        turret.step(now)
+    assert [entry[0] for entry in nest.table.log if entry[0] != "carry"] == ["lift", "put"] * 2
+
+
 def test_what_stands_fast_slips_out():
     nest = Nest(POST, light=False)
     turret = gripper(nest)
@@ -263,6 +276,13 @@ def test_there_is_a_new_image_once_a_period(code, period):
     second = ask(turret, "N", now=5.0 + period)
     assert second != image
     assert ask(turret, "N", now=5.0 + 2 * period - 0.01) == second
+
+
+def test_images_keep_their_beat_when_nobody_looks():
+    turret = k213(Nest())
+    turret.step(0.3)
+    image = ask(turret, "N", now=0.39)
+    assert ask(turret, "N", now=0.4) != image
 
 
 def test_an_image_is_of_where_the_robot_was():

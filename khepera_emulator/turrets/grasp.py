@@ -4,7 +4,7 @@ from math import hypot
 
 import numpy as np
 
-from khepera_emulator.geometry import Array, Footprint, Scene
+from khepera_emulator.geometry import Array, Scene
 from khepera_emulator.turrets.turret import Piece, Point
 from khepera_emulator.world import World
 
@@ -66,8 +66,7 @@ class WorldThings:
     def _hit(self, origins: Array, directions: Array, distance: float) -> int | None:
         """Number of the thing that a ray reaches at a distance in metres."""
         for number, thing in enumerate(self._world.things):
-            footprint: Footprint = thing.footprint
-            on_floor = any(mover is footprint for mover in self._world.movers)
-            if on_floor and footprint.hit(origins, directions)[0] == distance:
+            # the very number that the scene, which knows only what is on the floor, has given
+            if thing.footprint.hit(origins, directions)[0] == distance:
                 return number
         return None
