@@ -400,7 +400,9 @@ from macor_hil.service import ServiceConfig, serve
 port, map_file, connect = sys.argv[1:]
 try:
     report = serve(
-        ServiceConfig(port, Path(map_file), commands=10_000, listen=(), connect=(connect,)),
+        ServiceConfig(
+            port, Path(map_file), baud=57600, commands=10_000, listen=(), connect=(connect,)
+        ),
         lambda decision: print("step", flush=True),
     )
     print(report.ending.value, report.signal)
