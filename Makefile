@@ -1,13 +1,14 @@
 # Everything happens in a virtual environment of the project's own; both main goals set it up.
 #   make run    an emulated robot learns and drives the curve
 #   make test   style, types and tests
+#   make bench  speed, as ratios (two minutes)
 
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint lock clean
+.PHONY: run test lint bench lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -20,6 +21,9 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+bench: $(READY)
+	$(BIN)/python benchmarks/run.py
 
 # NumPy and setuptools come first: where there is no wheel of PyBullet (CPython above 3.11), pip
 # builds it, and only with NumPy at hand it hands out pictures as arrays.

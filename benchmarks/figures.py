@@ -1,0 +1,32 @@
+"""What a benchmark is, and what it gives."""
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+
+class Figure(NamedTuple):
+    """A row of the table: what was measured, in this run against what, and the ratio."""
+
+    name: str
+    value: str
+    against: str
+    ratio: str
+
+
+class Bench(Protocol):
+    """Something that is measured several times, in turn with others."""
+
+    def round(self) -> dict[str, float]:
+        """Measure once: a number for each name."""
+        ...
+
+    def figures(self, medians: Mapping[str, float]) -> list[Figure]:
+        """Rows of the table, from the median of each name over all rounds."""
+        ...
+
+
+def percentile(values: list[float], share: float = 99.0) -> float:
+    """A percentile of what was measured."""
+    return float(np.percentile(values, share))

@@ -1,0 +1,65 @@
+"""`make bench`: figures of the serial line, the simulation and the controller, as ratios.
+
+Everything is measured in several rounds, in turn, and the medians are taken: a machine that is
+slower for a while is slower for both sides of a ratio.
+"""
+
+import os
+import platform
+import sys
+from contextlib import ExitStack
+from importlib.metadata import version
+from statistics import median
+
+from figures import Bench, Figure
+from page import DOCS, table, write_part
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from serial_line import Exchanges, WireTime
+from simulation import Fleet, Simulation
+from training_command import Presentations, TrainingCommand
+
+_ROUNDS = 5
+_BENCHES = (Exchanges, WireTime, Simulation, Fleet, TrainingCommand, Presentations)
+_HEAD = ("figure", "measured", "against, or made of", "ratio")
+
+
+def main() -> None:
+    """Measure, and print the table; with `--write` put it into docs/benchmarks.md, too."""
+    console = Console()
+    figures = measure(console)
+    shown = Table(*_HEAD, title="benchmarks")
+    for figure in figures:
+        shown.add_row(*figure)
+    console.print(shown)
+    if "--write" in sys.argv[1:]:
+        text = f"{_machine()}\n\n{table(_HEAD, figures)}"
+        write_part(DOCS / "benchmarks.md", "table", text)
+
+
+def measure(console: Console) -> list[Figure]:
+    """All rounds of all benchmarks."""
+    with ExitStack() as stack:
+        benches: list[Bench] = [make(stack) for make in _BENCHES]
+        rounds: list[list[dict[str, float]]] = [[] for _ in benches]
+        for _ in track(range(_ROUNDS), "rounds", console=console, transient=True):
+            for bench, found in zip(benches, rounds, strict=True):
+                found.append(bench.round())
+        figures = []
+        for bench, found in zip(benches, rounds, strict=True):
+            medians = {name: median(each[name] for each in found) for name in found[0]}
+            figures += bench.figures(medians)
+        return figures
+
+
+def _machine() -> str:
+    packages = ", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy", "pyserial"))
+    return (
+        f"One run, medians of {_ROUNDS} rounds; {os.cpu_count()} {platform.machine()} cores,"
+        f" load average {os.getloadavg()[1]:.1f}, CPython {platform.python_version()}, {packages}."
+    )
+
+
+if __name__ == "__main__":
+    main()

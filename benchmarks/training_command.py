@@ -1,0 +1,162 @@
+"""Processor time of a whole training command on an emulated robot, and of its parts."""
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from functools import partial
+from time import process_time
+
+import numpy as np
+from figures import Figure
+from numpy.typing import NDArray
+from stopwatch import Part, Stopwatch
+
+from khepera_emulator.robot import Robot
+from macor_hil.bench import PortBench
+from macor_hil.brain import Brain, Settings
+from macor_hil.cameras import PortCamera
+from macor_hil.clustering.fuzzy_art import FuzzyArt
+from macor_hil.drive import Driver
+from macor_hil.hardware import open_hardware
+from macor_hil.planners.anticipative import Anticipative
+from macor_hil.planners.reactive import Reactive
+from macor_hil.robot import Khepera
+from macor_hil.sensorimotor_map import SensorimotorMap
+from macor_hil.training import Phase, Schedule, Session, Trainer
+
+_TUNING, _RANDOM, _COMMANDS = 150, 600, 100
+_PRESENTATIONS = 2000
+_PLANS = 40
+
+_PARTS: Mapping[str, Part] = {
+    "camera": (PortCamera, "grab"),
+    "exchanges": (Khepera, "request"),
+    "physics": (Robot, "run"),
+    "infrared": (Robot, "proximity"),
+    "vision": (Brain, "look"),
+    "Fuzzy ART": (FuzzyArt, "present"),
+    "planning": (Reactive, "plan"),
+    "map": (SensorimotorMap, "learn"),
+    "resets": (PortBench, "reset"),
+}
+
+
+class TrainingCommand:
+    """Commands of the reactive part of training, in the paper's corridor."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        hardware = stack.enter_context(open_hardware("khepera://corridor?seed=1"))
+        self._port = hardware.robot.port
+        self._brain = Brain(Settings())
+        self._trainer = Trainer(
+            self._brain, Driver(hardware.robot), hardware.camera, hardware.bench, Schedule()
+        )
+        self._sessions = 0
+        self._train(Phase.TUNING, _TUNING)
+        self._train(Phase.RANDOM, _RANDOM)
+
+    def round(self) -> dict[str, float]:
+        """A session as it is, another with a stopwatch, and plans of the anticipative system."""
+        before = self._port.now
+        taken = self._train(Phase.REACTIVE, _COMMANDS)
+        found = {"command": taken / _COMMANDS, "factor": (self._port.now - before) / taken}
+        watch = Stopwatch()
+        with watch.watch(_PARTS):
+            total = self._train(Phase.REACTIVE, _COMMANDS)
+        found |= {name: watch.seconds[name] / total for name in _PARTS}
+        found["rest"] = 1.0 - sum(watch.seconds.values()) / total
+        found["requests"] = watch.calls["exchanges"] / _COMMANDS
+        return found | self._plan()
+
+    def figures(self, medians: Mapping[str, float]) -> list[Figure]:
+        """The command, its parts, a plan."""
+        command, factor = medians["command"], medians["factor"]
+        rows = [
+            Figure(
+                "a whole training command",
+                f"{1e3 * command:.2f} ms",
+                f"{command * factor:.2f} s of the robot's time, {medians['requests']:.0f}"
+                " exchanges",
+                f"{factor:.0f} x real time",
+            )
+        ]
+        rows += [
+            Figure(
+                f"of it: {name}",
+                f"{1e3 * command * medians[name]:.2f} ms",
+                "the command",
+                f"{100 * medians[name]:.1f} %",
+            )
+            for name in (*_PARTS, "rest")
+        ]
+        plan = medians["plan"]
+        rows.append(
+            Figure(
+                "a plan of the anticipative system",
+                f"{1e3 * plan:.2f} ms",
+                "a training command",
+                f"{plan / command:.2f}",
+            )
+        )
+        return rows
+
+    def _train(self, phase: Phase, commands: int) -> float:
+        """Train one session; returns seconds of the processor."""
+        session = Session(self._sessions, phase, commands, 0)
+        self._sessions += 1
+        start = process_time()
+        self._trainer.run(session, lambda _: None)
+        return process_time() - start
+
+    def _plan(self) -> dict[str, float]:
+        memory = self._brain.map
+        known = np.flatnonzero(memory.z.any(axis=0))
+        chosen = known[np.linspace(0, len(known) - 1, _PLANS).astype(int)]
+        planner = Anticipative()
+        start = process_time()
+        for neuron in chosen.tolist():
+            planner.plan(memory, neuron)
+        return {"plan": (process_time() - start) / _PLANS}
+
+
+class Presentations:
+    """Fuzzy ART with 36 features and 50 nodes, against the one NumPy pass that it cannot avoid."""
+
+    def __init__(self, _: ExitStack) -> None:
+        rng = np.random.default_rng(0)
+        self._art = FuzzyArt(36, 50, 0.9)
+        seeds = rng.uniform(size=(50, 36))
+        for seed in seeds:
+            self._art.present(seed)
+        near = seeds[rng.integers(50, size=_PRESENTATIONS)]
+        self._inputs = np.clip(near + rng.normal(0.0, 0.02, near.shape), 0.0, 1.0)
+
+    def round(self) -> dict[str, float]:
+        """Present all inputs, with and without learning; then the bare pass."""
+        coded = np.concatenate([self._inputs, 1.0 - self._inputs], axis=1)
+        return {
+            "learning": _each(self._inputs, self._art.present),
+            "looking": _each(self._inputs, partial(self._art.present, learn=False)),
+            "pass": _each(coded, lambda row: np.minimum(row, self._art.weights).sum(axis=1)),
+        }
+
+    def figures(self, medians: Mapping[str, float]) -> list[Figure]:
+        """Time of a presentation."""
+        bare = medians["pass"]
+        return [
+            Figure(
+                f"Fuzzy ART, a presentation, {name}",
+                f"{1e6 * medians[name]:.1f} us",
+                f"bare NumPy pass over all nodes {1e6 * bare:.1f} us",
+                f"{medians[name] / bare:.2f}",
+            )
+            for name in ("learning", "looking")
+        ]
+
+
+def _each(rows: NDArray[np.float64], do: object) -> float:
+    """Seconds that a function takes for each row."""
+    assert callable(do)
+    start = process_time()
+    for row in rows:
+        do(row)
+    return (process_time() - start) / len(rows)
