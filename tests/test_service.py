@@ -449,7 +449,7 @@ def test_a_real_controller_stops_a_real_line_at_a_signal(live, number):
     with open_session([], [live.endpoint]) as session:
         bench = ZenohBench(session, "khepera")
         while max(bench.truth().speed) < MOVING:
-            pass  # until it is under way again
+            assert live.controller.poll() is None  # until it is under way again
         os.kill(live.controller.pid, number)
         assert live.last_words() == [f"interrupted {signal.Signals(number).name}"]
         assert live.controller.returncode == 0
