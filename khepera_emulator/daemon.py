@@ -101,6 +101,8 @@ class Daemon:
                 for line in self._lines:
                     line.serve_client(self._catch_up)
                     line.serve_channel(self._catch_up)
+            for line in self._lines:
+                line.serve_client(self._catch_up)  # what came before the stop counts
         finally:
             os.close(self._stop)
         for line in self._lines:
@@ -185,7 +187,8 @@ class _Line:
         if chunks:
             self._receive(chunks)
         count = emulator.uart.arrived(emulator.now)
-        if count:
+        # who has come since the look above must not get what was said to the one before
+        if count and not port.changed():
             when = emulator.uart.due(count)
             reply = emulator.read()
             if self._log:

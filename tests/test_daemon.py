@@ -17,7 +17,7 @@ import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.arena import load_arena
 from khepera_emulator.cli import main
 from khepera_emulator.clock import Clock
-from khepera_emulator.daemon import Daemon
+from khepera_emulator.daemon import Daemon, _Line
 from khepera_emulator.drift import PRESETS
 from khepera_emulator.emulator import Emulator, Setup
 from khepera_emulator.ports.pty import PtyPort
@@ -409,6 +409,27 @@ class TestLimits:
 
 
 class TestHangUp:
+    def test_reply_does_not_reach_a_client_that_has_come_since(self):
+        emulated = Emulator(Setup(load_arena("corridor"), baud=None))
+        port = PtyPort()
+        line = _Line(emulated, port, False, None, None)
+        clients = [serial.Serial(port.path)]
+
+        def change_clients():
+            clients.pop().close()
+            clients.append(serial.Serial(port.path))
+
+        clients[0].write(b"B\n")
+        line.serve_client(lambda: None)
+        line.serve_client(change_clients)
+        clients[0].timeout = 0.1
+        assert clients[0].read(1) == b""
+        line.serve_client(lambda: None)
+        assert emulated.uart.queued() == 0
+        clients[0].close()
+        port.close()
+        emulated.close()
+
     @pytest.mark.parametrize("baud", [None, 9600])
     def test_requests_are_carried_out_but_not_answered(self, baud):
         emulated = Emulator(Setup(load_arena("corridor"), baud=baud))

@@ -160,6 +160,20 @@ class TestClients:
             os.write(second, b"B\n")
             assert received(port) == [b"", b"B\n"]
 
+    def test_that_come_or_leave_are_known_before_anybody_writes_to_them(self, port):
+        with client(port) as first:
+            os.write(first, b"N\n")
+            assert received(port) == [b"N\n"]
+            assert not port.changed()
+            os.write(first, b"O\n")
+            assert not port.changed()
+        assert port.changed()
+        with client(port) as second:
+            os.write(second, b"B\n")
+            assert port.changed()
+            assert received(port) == [b"O\n", b"", b"B\n"]
+            assert not port.changed()
+
     def test_that_have_not_written_yet_get_none_of_their_predecessors_bytes(self, port):
         for _ in range(2):
             with client(port) as first:

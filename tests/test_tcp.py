@@ -3,7 +3,7 @@
 import select
 import socket
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 import serial
@@ -11,6 +11,7 @@ from serial import rfc2217
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.ports import tcp
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.pty import PtyPort
 from khepera_emulator.ports.rfc2217 import Rfc2217Port
@@ -102,7 +103,8 @@ class TestClients:
         assert received(port, 7, 4) == [b"abcd", b"ef", b""]
 
     @KINDS
-    def test_beyond_the_first_are_told_why_and_turned_away(self, port):
+    def test_beyond_the_first_are_told_why_and_turned_away(self, port, monkeypatch):
+        monkeypatch.setattr(tcp, "GRACE", 0.0)
         with client(port) as first:
             admitted(port)
             name = "{}:{}".format(*first.getsockname())
@@ -115,6 +117,29 @@ class TestClients:
                 )
             first.sendall(b"N\n")
             assert received(port, 2) == [b"N\n"]
+
+    def test_wait_for_a_moment_for_one_that_is_about_to_leave(self, port, monkeypatch):
+        monkeypatch.setattr(tcp, "GRACE", PATIENCE)
+        with client(port) as first:
+            admitted(port)
+            with client(port) as second:
+                admitted(port)
+                second.sendall(b"B\n")
+                first.close()
+                assert received(port, 3) == [b"", b"B\n"]
+                port.write(b"b\r\n")
+                assert exactly(second, 3) == b"b\r\n"
+
+    def test_at_the_door_are_not_without_number(self, port, monkeypatch):
+        monkeypatch.setattr(tcp, "GRACE", PATIENCE)
+        with client(port), ExitStack() as stack:
+            admitted(port)
+            crowd = []
+            for _ in range(20):
+                crowd.append(stack.enter_context(client(port)))
+                admitted(port)
+            assert all_of(crowd[3]).startswith(b"the robot's line is in use")
+            assert not select.select(crowd[4:], (), (), 0)[0]
 
     def test_take_the_place_of_one_that_has_left_unseen(self, port):
         with client(port) as first:

@@ -38,6 +38,12 @@ class Port(Protocol):
             Bytes that were written; an empty chunk says that the client has left.
         """
 
+    def changed(self) -> bool:
+        """Whether what is handed over now could reach another client than the one last seen.
+
+        The next `receive` tells who has come and left.
+        """
+
     def write(self, data: bytes) -> None:
         """Hand bytes to the client; what it has no room for is dropped and counted."""
 

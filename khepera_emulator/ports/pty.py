@@ -36,6 +36,9 @@ _ALL = 1 << 16
 _LOOKS = 4
 """How often to look again for a client that goes on writing."""
 
+_TELLING = 0.02
+"""Seconds to wait for the event of a newcomer's writing, when bytes of two clients may be mixed."""
+
 _CFLAG, _ISPEED, _OSPEED = 2, 4, 5
 _TCGETS2: Final = 0x802C542A
 """Linux's request for settings with the rate as a number, on x86, ARM and RISC-V."""
@@ -177,6 +180,10 @@ class PtyPort:
             self._make_raw()  # somebody has looked in, and may have set something
         return []
 
+    def changed(self) -> bool:
+        """Whether clients have come or left since the last look."""
+        return any(event != WRITTEN for event in self._watch.peek())
+
     def write(self, data: bytes) -> None:
         """Hand bytes to the client; never waits. What nobody listens to is lost, not kept."""
         if self._slave is not None and not self._clients:
@@ -249,7 +256,12 @@ class PtyPort:
 
     def _change_client(self, change: _Change, data: bytes) -> list[bytes]:
         data += self._read_rest()
-        if WRITTEN in self._watch.take():  # it has written since, and that may be among the rest
+        news = self._watch.take()
+        if data and not change.new_bytes and not news:
+            # bytes are there a little before the event that tells of them
+            select.select([self._watch.fileno()], (), (), _TELLING)
+            news = self._watch.take()
+        if WRITTEN in news:  # it has written since, and that may be among the rest
             change.new_bytes = True
             data += self._read_rest()
         with suppress(EmulatorError):  # the new client keeps us out: it may find stale bytes

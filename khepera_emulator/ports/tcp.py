@@ -8,7 +8,10 @@ the connection, even if it would still listen.
 import logging
 import select
 import socket
+import time
+from collections import deque
 from contextlib import suppress
+from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Final
 
@@ -20,6 +23,9 @@ _log = logging.getLogger(__name__)
 _BACKLOG = 16
 _SEND_BUFFER = 16 * 1024
 """Bytes that the system may hold for a client that does not read: what a pseudo-terminal holds."""
+
+GRACE = 0.1
+"""Seconds that a newcomer waits at the door: the goodbye of the one before may be overtaken."""
 
 _ALL = 1 << 16
 _MOST_PORTS = 65535
@@ -48,6 +54,7 @@ class TcpPort:
         self.dropped = 0
         self._client: socket.socket | None = None
         self._peer = ""
+        self._door: deque[_Newcomer] = deque()
         self._listener = _listen(address, expose=expose)
 
     @property
@@ -58,6 +65,8 @@ class TcpPort:
     def close(self) -> None:
         """Hang up, and listen no more."""
         self._forget_client()
+        for newcomer in self._door:
+            newcomer.connection.close()
         self._listener.close()
 
     def descriptors(self, *, room: bool) -> list[int]:
@@ -77,14 +86,19 @@ class TcpPort:
         A client that waits at the door takes the place of one that has left.
         """
         chunks: list[bytes] = []
-        while (newcomer := self._accept()) is not None:
-            if self._client and self._has_left():
-                chunks += [*self._take_rest(), b""]
-                self._forget_client()
-            self._admit(*newcomer)
+        self._accept()
+        if self._door and self._client and self._has_left():
+            chunks += [*self._take_rest(), b""]
+            self._forget_client()
+        self._look_at_door()
         if self._client and limit > 0:
             chunks += self._take(limit)
+            self._look_at_door()
         return chunks
+
+    def changed(self) -> bool:
+        """Never: a connection leads to one client only."""
+        return False
 
     def write(self, data: bytes) -> None:
         """Hand bytes to the client; never waits."""
@@ -106,24 +120,32 @@ class TcpPort:
         except OSError:  # it is full, or broken, which the next reading tells
             return 0
 
-    def _accept(self) -> tuple[socket.socket, str] | None:
-        try:
-            connection, peer = self._listener.accept()
-        except OSError:  # nobody there, or no longer
-            return None
-        return connection, _name(peer)
+    def _accept(self) -> None:
+        """Let everybody who has come stand at the door."""
+        with suppress(OSError):  # nobody there, or no longer
+            while True:
+                connection, peer = self._listener.accept()
+                connection.setblocking(False)
+                self._door.append(_Newcomer(connection, _name(peer), time.monotonic() + GRACE))
 
-    def _admit(self, connection: socket.socket, peer: str) -> None:
-        connection.setblocking(False)
-        if self._client:
-            _log.info("%s turned away: %s has the line", peer, self._peer)
-            with connection, suppress(OSError):
-                connection.send(
-                    b"the robot's line is in use by %b: one client at a time\r\n"
-                    % self._peer.encode()
-                )
-                connection.recv(_ALL)  # closing on unread bytes would take the line back
-            return
+    def _look_at_door(self) -> None:
+        """Let the first one in if the line is free; turn away who has waited for too long."""
+        if self._door and not self._client:
+            self._admit(self._door.popleft())
+        now = time.monotonic()
+        while self._door and (self._door[0].until <= now or len(self._door) > _BACKLOG):
+            self._turn_away(self._door.popleft())
+
+    def _turn_away(self, newcomer: "_Newcomer") -> None:
+        _log.info("%s turned away: %s has the line", newcomer.peer, self._peer)
+        with newcomer.connection as connection, suppress(OSError):
+            connection.send(
+                b"the robot's line is in use by %b: one client at a time\r\n" % self._peer.encode()
+            )
+            connection.recv(_ALL)  # closing on unread bytes would take the line back
+
+    def _admit(self, newcomer: "_Newcomer") -> None:
+        connection, peer = newcomer.connection, newcomer.peer
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         for option, value in _KEEP_ALIVE:
@@ -167,6 +189,15 @@ class TcpPort:
             _log.info("%s has left", self._peer)
             self._client.close()
             self._client = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Newcomer:
+    """A client at the door, and until when it may wait there."""
+
+    connection: socket.socket
+    peer: str
+    until: float
 
 
 def tcp_address(text: str) -> tuple[str, int]:

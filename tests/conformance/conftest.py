@@ -97,10 +97,15 @@ class Place:
         """A client whose robot has nothing more to say, at rest."""
         client = self._client or self.open()
         mark = next(self._marks)
-        expected = b"h,%d,0\r\n" % mark
-        client.write(b"\nD,0,0\nG,%d,0\nH\n" % mark)
-        while (line := client.line()) != expected:
-            assert line, "the robot does not answer"
+        # one request at a time, as clients do that follow another one
+        for request, reply in (
+            (b"\nG,%d,0\n" % mark, b"g\r\n"),
+            (b"H\n", b"h,%d,0\r\n" % mark),
+            (b"D,0,0\n", b"d\r\n"),
+        ):
+            client.write(request)
+            while (line := client.line()) != reply:
+                assert line, "the robot does not answer"
         return client
 
 

@@ -233,6 +233,8 @@ class TestHabits:
 
 class TestReopening:
     def test_finds_no_reply_to_the_one_before(self, place):
+        if not place.model:
+            pytest.skip("a robot goes on speaking when its client has left")
         for _ in range(5):
             client = place.client()
             client.write(b"N\n" * 4)
@@ -264,7 +266,10 @@ class TestReopening:
     def test_after_one_that_never_read(self, place, client):
         for _ in range(50):
             client.write(b"N\n" * 4)
-        again = place.open()
+        place.open()
+        # a robot may be speaking while its clients change, and what it says then is heard: a client
+        # that waits for what it has asked for gets it
+        again = place.client()
         assert ANY_VERSION.fullmatch(again.ask(b"B\n"))
         assert again.silence() == b""
 
