@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import pytest
 
-from macor_hil import cli
 from macor_hil.brain import Brain, Settings
+from macor_hil.cli import learning
 from macor_hil.clustering.clusterer import situations
 from macor_hil.clustering.fuzzy_art import FuzzyArt
 from macor_hil.clustering.neural_gas import Breadth
@@ -313,7 +313,7 @@ def test_the_command_line_names_the_page(
     recorded: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (untold(tiny(TABLE1)),))
-    cli.reproduce("all", seeds=1, workers=1, out=recorded)
+    learning.reproduce("all", seeds=1, workers=1, out=recorded)
     said = capsys.readouterr()
     assert said.out == f"{recorded / 'report' / 'index.html'}\n"
     assert "table1" in said.err

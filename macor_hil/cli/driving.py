@@ -1,0 +1,135 @@
+"""Commands that drive a robot live, or look through its camera."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from macor_hil.brain import Brain, Settings
+from macor_hil.cli.learning import train
+from macor_hil.cli.options import (
+    DEFAULT_MAP,
+    DEFAULT_PORT,
+    BaudOption,
+    CameraOption,
+    ConnectOption,
+    MapOption,
+    PortOption,
+    RobotOption,
+    SeedOption,
+    decision_line,
+    hardware_of,
+)
+from macor_hil.demo import DEFAULT_SEED, DemoSettings, run_demo
+from macor_hil.map_file import load_map
+from macor_hil.pictures import draw_trials, draw_view
+from macor_hil.planners import PLANNERS
+from macor_hil.service import ServiceConfig, serve
+from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+
+INTERRUPTED: Final = 130
+"""Exit status after Ctrl-C or SIGTERM."""
+
+app = typer.Typer()
+
+
+@app.command(
+    epilog="[cyan]macor-hil run --port runs/khepera --camera zenoh --map runs/corridor.npz[/cyan]"
+)
+def run(
+    port: PortOption = DEFAULT_PORT,
+    camera: CameraOption = "auto",
+    map_file: MapOption = DEFAULT_MAP,
+    planner: Annotated[
+        str, typer.Option(help=f"How to choose commands: {' or '.join(PLANNERS)}.")
+    ] = "anticipative",
+    commands: Annotated[int, typer.Option(min=1, help="Commands to drive at most.")] = 40,
+    baud: BaudOption = 9600,
+    robot: RobotOption = "khepera",
+    listen: Annotated[
+        list[str], typer.Option(metavar="ENDPOINT", help="Where watchers find this controller.")
+    ] = [CONTROLLER_ENDPOINT],  # noqa: B006 - typer copies it
+    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    seed: SeedOption = DEFAULT_SEED,
+) -> None:
+    """Drive a robot live by a map, publishing frames and decisions over Zenoh.
+
+    The robot is stopped on every way out: the last command, a collision, Ctrl-C, SIGTERM, an
+    error.
+    """
+    config = ServiceConfig(
+        port=port,
+        map_file=map_file,
+        camera=camera,
+        baud=baud,
+        planner=planner,
+        commands=commands,
+        robot=robot,
+        listen=tuple(listen),
+        connect=tuple(connect),
+        seed=seed,
+    )
+    report = serve(config, lambda decision: typer.echo(decision_line(decision)))
+    typer.echo(
+        f"{report.ending}: {report.commands} commands, reinforcement {report.reinforcement:.2f};"
+        " the robot stands"
+    )
+    if report.signal:
+        sys.exit(INTERRUPTED)
+
+
+@app.command(epilog="[cyan]macor-hil look --picture view.png[/cyan]")
+def look(
+    picture: Annotated[Path, typer.Option(help="PNG file to draw.")] = Path("runs/view.png"),
+    port: PortOption = DEFAULT_PORT,
+    camera: CameraOption = "auto",
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="Map whose tuned receptive fields to use.")
+    ] = None,
+    baud: BaudOption = 9600,
+    robot: RobotOption = "khepera",
+    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+) -> None:
+    """Draw what the robot sees now: mirror image, panorama, receptive fields."""
+    brain = load_map(map_file)[0] if map_file else Brain(Settings())
+    with hardware_of(port, camera, baud, robot, connect) as hardware:
+        draw_view(picture, brain, hardware.camera.grab().image)
+    typer.echo(str(picture))
+
+
+@app.command(epilog="[cyan]macor-hil demo --folder runs[/cyan]")
+def demo(
+    folder: Annotated[Path, typer.Option(help="For the map, the picture and the port.")] = Path(
+        "runs"
+    ),
+    speed: Annotated[
+        float, typer.Option(min=0.1, max=20.0, help="Time runs so many times faster.")
+    ] = 1.0,
+) -> None:
+    """Train a map if there is none, then drive the curve live with both planners.
+
+    Ends with a table and a picture; exit status 0 if the planning robot got round the curve and the
+    reactive one did not, 1 otherwise.
+    """
+    map_file = folder / "corridor.npz"
+    settings = DemoSettings(map_file=map_file, link=folder / "khepera", speed=speed)
+    if not map_file.exists():
+        typer.echo(f"training {map_file} in virtual time (the robot itself would take hours)")
+        train(port=settings.training_port, map_file=map_file, seed=settings.seed)
+    typer.echo("driving live; watch from another terminal with: macor-hil monitor")
+    result = run_demo(
+        settings, lambda name, decision: typer.echo(f"{name:12} {decision_line(decision)}")
+    )
+    picture = folder / "trajectories.png"
+    draw_trials(picture, result.outline, result.trials)
+    table = Table("planner", "commands", "reinforcement", "collision", "picture")
+    for name, trial in result.trials.items():
+        end = "yes" if trial.collided else "no"
+        table.add_row(name, str(trial.length), f"{trial.total:.2f}", end, str(picture))
+    Console().print(table)
+    if not result.as_expected:
+        typer.echo("not as expected: the planning robot should get round, the reactive one not")
+        sys.exit(1)

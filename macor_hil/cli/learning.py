@@ -1,0 +1,182 @@
+"""Commands that train maps and score them."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import Progress, TaskID
+from rich.table import Table
+
+from macor_hil.agent import Agent
+from macor_hil.brain import Settings
+from macor_hil.checkpoints import checkpoint_path, train_map
+from macor_hil.cli.options import (
+    COLUMNS,
+    DEFAULT_MAP,
+    DEFAULT_PORT,
+    BaudOption,
+    CameraOption,
+    ConnectOption,
+    MapOption,
+    PortOption,
+    RobotOption,
+    SeedOption,
+    hardware_of,
+    progress_bar,
+)
+from macor_hil.demo import DEFAULT_SEED
+from macor_hil.drive import Driver
+from macor_hil.errors import MacorError, MapError
+from macor_hil.hardware import Hardware, is_embedded
+from macor_hil.map_file import load_map
+from macor_hil.planners import PLANNERS
+from macor_hil.training import Recovery, Schedule
+from macor_hil.trials import Spread, Trial, run_trial
+from protocol.side_channel import DEFAULT_ENDPOINT, Reset
+
+app = typer.Typer()
+
+
+class RecoveryChoice(StrEnum):
+    """What follows a collision in training."""
+
+    AUTO = "auto"
+    RESET = "reset"
+    BACK = "back"
+
+
+@app.command(epilog="[cyan]macor-hil train --map runs/corridor.npz --seed 3[/cyan]")
+def train(
+    port: PortOption = DEFAULT_PORT,
+    camera: CameraOption = "auto",
+    baud: BaudOption = 9600,
+    map_file: MapOption = DEFAULT_MAP,
+    seed: SeedOption = DEFAULT_SEED,
+    nodes: Annotated[int, typer.Option(min=1, help="Most situations there can be.")] = 50,
+    vigilance: Annotated[float, typer.Option(min=0.0, max=1.0, help="Fuzzy ART's rho.")] = 0.9,
+    tuning: Annotated[
+        int, typer.Option(min=10, help="Commands driven first, to tune the receptive fields.")
+    ] = 400,
+    random: Annotated[int, typer.Option(min=0, help="Randomly selected commands.")] = 11_000,
+    reactive: Annotated[int, typer.Option(min=0, help="Reactively selected commands.")] = 2_000,
+    recovery: Annotated[
+        RecoveryChoice,
+        typer.Option(help="After a collision: drive back, or the emulator's reset."),
+    ] = RecoveryChoice.AUTO,
+    robot: RobotOption = "khepera",
+    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Begin anew, even with a map or checkpoint there.")
+    ] = False,
+) -> None:
+    """Train a map: random commands, then reactively selected ones.
+
+    A training that was interrupted goes on from its last checkpoint when started again.
+    """
+    if restart:
+        checkpoint_path(map_file).unlink(missing_ok=True)
+    elif map_file.exists():
+        raise MapError(f"the map {map_file} is there already; train it anew with --restart")
+    if recovery is RecoveryChoice.AUTO:
+        recovery = RecoveryChoice.RESET if is_embedded(port) else RecoveryChoice.BACK
+    schedule = Schedule(
+        tuning=tuning,
+        random=random,
+        reactive=reactive,
+        seed=seed,
+        recovery=Recovery(recovery.value),
+    )
+    settings = Settings(nodes=nodes, vigilance=vigilance)
+    with (
+        hardware_of(port, camera, baud, robot, connect) as hardware,
+        progress_bar(schedule.commands) as progress,
+    ):
+        devices = Driver(hardware.robot), hardware.camera, hardware.bench
+        brain = train_map(map_file, settings, schedule, port, devices, progress)
+    typer.echo(
+        f"{map_file}: {brain.art.size} situations, {np.count_nonzero(brain.map.z)} transitions"
+        f" from {schedule.commands} commands"
+    )
+
+
+@app.command(epilog="[cyan]macor-hil trials --map runs/corridor.npz --trials 20[/cyan]")
+def trials(
+    map_file: MapOption = DEFAULT_MAP,
+    port: PortOption = DEFAULT_PORT,
+    planner: Annotated[
+        list[str] | None, typer.Option(help="Planner; give several. Default: all.")
+    ] = None,
+    count: Annotated[int, typer.Option("--trials", min=1, help="Trials of each planner.")] = 10,
+    seed: SeedOption = DEFAULT_SEED,
+) -> None:
+    """Score planners on a map: trials of 40 commands at most, from starts near the arena's own."""
+    brain, _ = load_map(map_file)
+    names = planner or list(PLANNERS)
+    table = Table("planner", "trials", "commands", "reinforcement", "collided", "touched")
+    with (
+        hardware_of(port, "auto", 9600, "khepera", [DEFAULT_ENDPOINT]) as hardware,
+        progress_bar(count * len(names)) as progress,
+    ):
+        if hardware.bench is None:
+            raise MacorError(f"trials need an emulated robot, which {port} is not")
+        agent = Agent(brain, Driver(hardware.robot), hardware.camera)
+        for number, name in enumerate(names):
+            results = []
+            for k in range(count):
+                results.append(_trial(agent, name, hardware, np.random.default_rng([seed, k])))
+                progress(number * count + k + 1)
+            table.add_row(name, str(count), *_summary(results))
+    Console().print(table)
+
+
+def _trial(agent: Agent, name: str, hardware: Hardware, rng: np.random.Generator) -> Trial:
+    assert hardware.bench is not None
+    start = hardware.bench.reset(Reset(seed=int(rng.integers(2**31)))).pose
+    pose = Spread().draw(start, rng)
+    return run_trial(agent, PLANNERS[name](), hardware.bench, Reset(pose=pose), rng)
+
+
+def _summary(results: list[Trial]) -> list[str]:
+    lengths = np.array([trial.length for trial in results])
+    totals = np.array([trial.total for trial in results])
+    return [
+        f"{lengths.mean():.1f} ± {lengths.std():.1f}",
+        f"{totals.mean():.1f} ± {totals.std():.1f}",
+        str(sum(trial.collided for trial in results)),
+        str(sum(trial.touched for trial in results)),
+    ]
+
+
+@app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10 --workers 2[/cyan]")
+def reproduce(
+    name: Annotated[str, typer.Argument(help="A figure or table of the paper, or all.")],
+    seeds: Annotated[int, typer.Option(min=1, help="Training seeds: 1 to this number.")] = 30,
+    workers: Annotated[int, typer.Option(min=1, help="Processes to share the work.")] = 1,
+    out: Annotated[Path, typer.Option(help="For recordings, results and the report.")] = Path(
+        "runs/reproduction"
+    ),
+) -> None:
+    """Run an experiment of the paper over many training seeds, and write a report page.
+
+    What is done stays done: a run that was interrupted goes on when started again.
+    """
+    try:
+        from macor_hil.experiments import catalogue, runner
+    except ImportError as error:
+        raise MacorError(
+            f"{error.name} is not installed; install the extra 'experiments'"
+        ) from None
+    chosen = catalogue.find(name)
+    with Progress(*COLUMNS, console=Console(stderr=True)) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def watch(what: str, done: int, of: int) -> None:
+            if done == 0:
+                tasks[what] = bars.add_task(what, total=of)
+            bars.update(tasks[what], completed=done)
+
+        page = runner.reproduce(chosen, seeds, workers, out, watch)
+    typer.echo(str(page))
