@@ -1,26 +1,23 @@
-"""The omnidirectional camera: PyBullet renders four side views, one look-up makes the picture.
+"""The omnidirectional camera: a renderer draws what is around, one look-up makes the picture.
 
-Four faces of 90 degrees lie side by side in one atlas; a map computed once says from where in it
-every pixel of the mirror image (or of the panorama) comes. Floor and sky are even in colour, so
-that the rows below and above the horizon are painted first and the renderer, which takes 0.3 us
-for every pixel that something covers, draws only what stands on the floor.
+The renderer draws an atlas of everything around the robot; a map computed once says from where in
+it every pixel of the mirror image (or of the panorama) comes.
 """
 
 from functools import cache
-from math import cos, hypot, pi, sin, tan
+from math import pi
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from khepera_emulator.chassis import Chassis
+from khepera_emulator.renderers.faces import FacesRenderer
+from khepera_emulator.renderers.skyline import SkylineRenderer, suits
+from khepera_emulator.renderers.view import Image, Renderer
 from khepera_emulator.world import World
 from protocol.mirror import Mirror
 from protocol.side_channel import Pose
-
-Image = NDArray[np.uint8]
-"""Picture of shape (height, width, 3), channels in OpenCV's order blue, green, red."""
 
 HEIGHT = 0.06
 """Metres of the mirror's viewpoint above the floor (a choice)."""
@@ -28,11 +25,7 @@ HEIGHT = 0.06
 NOISE = 2.0
 """Standard deviation of the camera's noise in grey levels (a choice)."""
 
-_FACES = 4
 _NOISE_POOL = 1 << 20
-
-_LIGHT = (0.3, 0.5, 1.0)
-_AMBIENT, _DIFFUSE = 0.7, 0.3
 
 
 class OmniCamera:
@@ -42,9 +35,9 @@ class OmniCamera:
         world: what is seen.
         rng: source of the camera's noise.
         mirror: geometry of the mirror image.
-        resolution: pixels across each of the four rendered faces.
         noise: standard deviation in grey levels.
         carrier: the robot's body, which its camera does not see; others see it.
+        renderer: what draws; none: the fastest one that draws all there is.
     """
 
     def __init__(
@@ -52,28 +45,17 @@ class OmniCamera:
         world: World,
         rng: np.random.Generator,
         mirror: Mirror = Mirror(),  # noqa: B008 - an immutable value
-        resolution: int = 64,
         noise: float = NOISE,
         carrier: Chassis | None = None,
+        renderer: Renderer | None = None,
     ) -> None:
         self._world = world
         # alone in a world a body has no looks
         self._carrier = carrier if world.shared else None
-        self._mirror = mirror
-        self._size = resolution
-        # 20 degrees up seen along the edge of a face lie higher in it than in its middle
-        corner = 1.0 / cos(pi / 4)
-        self._top = tan(mirror.high) * corner
-        self._bottom = tan(mirror.low) * corner
-        self._rows = round(resolution * (self._top - self._bottom) / 2)
-        near = 0.01
-        self._projection = pybullet.computeProjectionMatrix(
-            -near, near, self._bottom * near, self._top * near, near, 5.0
-        )
+        self._renderer = renderer or _renderer(world, mirror)
         self._mirror_map = self._look_up(*_mirror_rays(mirror))
         self._panorama_map = self._look_up(*_panorama_rays(mirror))
         self._inside = _inside(mirror)
-        self._background = self._empty_atlas()
         self._rng = rng
         self._noise = _noise_pool(noise) if noise > 0.0 else None
 
@@ -88,68 +70,19 @@ class OmniCamera:
 
     def _remap(self, pose: Pose, maps: tuple[NDArray[np.int16], NDArray[np.uint16]]) -> Image:
         if self._carrier is None:
-            atlas = self._render(pose)
+            atlas = self._renderer.render(pose)
         else:
             self._world.show_robots()
             self._carrier.paint(visible=False)
-            atlas = self._render(pose)
+            atlas = self._renderer.render(pose)
             self._carrier.paint(visible=True)
-        picture = cv2.remap(atlas, maps[0], maps[1], cv2.INTER_LINEAR)
+        picture = cv2.remap(atlas, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
         return np.asarray(picture, dtype=np.uint8)
-
-    def _empty_atlas(self) -> Image:
-        """The atlas of an empty arena: floor up to the horizon, sky above it."""
-        arena = self._world.arena
-        shade = _AMBIENT + _DIFFUSE * _LIGHT[2] / hypot(*_LIGHT)
-        horizon = self._top / (self._top - self._bottom) * self._rows
-        atlas = np.empty((self._rows, _FACES * self._size, 3), np.uint8)
-        above = np.arange(self._rows) + 0.5 < horizon
-        # as PyBullet does: a colour is a byte, and so is what light makes of it
-        atlas[above] = [round(255 * share) for share in reversed(arena.sky)]
-        atlas[~above] = [int(int(255 * share) * shade) for share in reversed(arena.floor)]
-        return atlas
-
-    def _render(self, pose: Pose) -> Image:
-        """The atlas of the four faces, ahead, left, behind, right."""
-        atlas = self._background.copy()
-        for face in range(_FACES):
-            azimuth = pose.heading + face * pi / 2
-            view = pybullet.computeViewMatrix(
-                (pose.x, pose.y, HEIGHT),
-                (pose.x + cos(azimuth), pose.y + sin(azimuth), HEIGHT),
-                (0.0, 0.0, 1.0),
-            )
-            _, _, pixels, _, body = pybullet.getCameraImage(
-                self._size,
-                self._rows,
-                view,
-                self._projection,
-                shadow=0,
-                lightDirection=_LIGHT,
-                lightAmbientCoeff=_AMBIENT,
-                lightDiffuseCoeff=_DIFFUSE,
-                lightSpecularCoeff=0.0,
-                renderer=pybullet.ER_TINY_RENDERER,
-                flags=0,
-                physicsClientId=self._world.client,
-            )
-            part = atlas[:, face * self._size : (face + 1) * self._size]
-            solid = (body >= 0).view(np.uint8)
-            cv2.copyTo(cv2.cvtColor(pixels, cv2.COLOR_RGBA2BGR), solid, part)
-        return atlas
 
     def _look_up(
         self, azimuth: NDArray[np.float64], elevation: NDArray[np.float64]
     ) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
-        face = np.floor(azimuth / (pi / 2) + 0.5)
-        within = azimuth - face * (pi / 2)
-        u = -np.tan(within)  # left of the axis is positive azimuth
-        v = np.tan(elevation) / np.cos(within)
-        # no blending across the edge of a face, whose neighbour in the atlas is another view
-        column = np.clip((u + 1) / 2 * self._size - 0.5, 0, self._size - 1)
-        column += face % _FACES * self._size
-        row = (self._top - v) / (self._top - self._bottom) * self._rows - 0.5
-        row = np.clip(row, 0, self._rows - 1)
+        column, row = self._renderer.place(azimuth, elevation)
         fixed, fraction = cv2.convertMaps(
             column.astype(np.float32), row.astype(np.float32), cv2.CV_16SC2
         )
@@ -161,6 +94,12 @@ class OmniCamera:
         start = int(self._rng.integers(len(self._noise) - image.size))
         grain = self._noise[start : start + image.size].reshape(image.shape)
         return np.asarray(cv2.add(image, grain, dtype=cv2.CV_8U), dtype=np.uint8)
+
+
+def _renderer(world: World, mirror: Mirror) -> Renderer:
+    if not world.shared and suits(world.arena, HEIGHT):
+        return SkylineRenderer(world.arena, HEIGHT, mirror.low, mirror.high)
+    return FacesRenderer(world, HEIGHT, mirror.low, mirror.high)
 
 
 def _mirror_rays(mirror: Mirror) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -226,7 +226,7 @@ class Chassis(Disc):
         return left, right
 
     def _touches(self) -> bool:
-        if self._surroundings is None and self._world.solids is None:
+        if self._surroundings is None and not self._world.solids:
             return False
         # the hull meets solids, things and other hulls, the floor meets the wheels alone
         points = pybullet.getContactPoints(self.body, linkIndexA=-1, physicsClientId=self._client)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from khepera_emulator.arena import Arena
-from khepera_emulator.camera import Image, OmniCamera
+from khepera_emulator.camera import OmniCamera
 from khepera_emulator.choices import Choices
 from khepera_emulator.drift import PRESETS, DriftSettings, draw_drift
 from khepera_emulator.errors import EmulatorError
@@ -23,6 +23,7 @@ from khepera_emulator.fleet import Fleet
 from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
 from khepera_emulator.places import Gap, check_room, pose_of, random_pose
+from khepera_emulator.renderers.view import Image
 from khepera_emulator.robot import Robot
 from khepera_emulator.turrets import Equipment
 from khepera_emulator.uart import Uart

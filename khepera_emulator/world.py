@@ -1,14 +1,14 @@
 """The PyBullet world: one physics client, an arena's solids, and what they look like."""
 
 from math import atan2
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from khepera_emulator.arena import Arena, Movable
-from khepera_emulator.geometry import FloorPlan, Footprint, Scene, Surroundings
+from khepera_emulator.arena import Arena, Cylinder, Movable
+from khepera_emulator.geometry import Box, FloorPlan, Footprint, Scene, Surroundings
 from khepera_emulator.objects import Thing
 from protocol.units import CONTROL_PERIOD
 
@@ -25,6 +25,9 @@ _RAY_GROUP = 1
 """The group of PyBullet's rays, which cannot be changed; wheels do not look for solids."""
 
 _SUBSTEPS = round(CONTROL_PERIOD / PHYSICS_PERIOD)
+
+_MOST_PARTS = 16
+"""Shapes that one body may have: PyBullet crashes on more."""
 
 _BULB_RADIUS, _BULB_HEIGHT = 0.012, 0.075
 _BULB_COLOUR = (1.0, 0.95, 0.7, 1.0)
@@ -43,6 +46,38 @@ def hide(body: int, client: int, first: int = -1) -> None:
     """
     for link in range(first, pybullet.getNumJoints(body, physicsClientId=client)):
         pybullet.changeVisualShape(body, link, rgbaColor=[0, 0, 0, 0], physicsClientId=client)
+
+
+class _Part(NamedTuple):
+    """A wall's stretch or a post, as PyBullet wants it."""
+
+    kind: int
+    halves: list[float]
+    radius: float
+    height: float
+    place: list[float]
+    turn: list[float]
+    colour: tuple[float, float, float]
+
+
+def _box_part(box: Box) -> _Part:
+    halves = [box.half_length, box.half_thickness, box.height / 2]
+    turn = list(pybullet.getQuaternionFromEuler([0, 0, atan2(box.uy, box.ux)]))
+    place = [box.x, box.y, box.height / 2]
+    return _Part(pybullet.GEOM_BOX, halves, 0.0, 0.0, place, turn, box.colour)
+
+
+def _post_part(post: Cylinder) -> _Part:
+    place = [*post.centre, post.height / 2]
+    return _Part(
+        pybullet.GEOM_CYLINDER,
+        [0.0, 0.0, 0.0],
+        post.radius,
+        post.height,
+        place,
+        [0.0, 0.0, 0.0, 1.0],
+        post.colour,
+    )
 
 
 class Shown(Protocol):
@@ -70,7 +105,7 @@ class World:
         shared: whether it is for more than one robot.
         plan: what stands still, from above, for rays and free space.
         client: PyBullet's number of the physics client.
-        solids: body that holds all walls and posts, or None in an empty arena.
+        solids: bodies that hold all walls and posts.
         things: what robots can push.
         movers: footprints of the things, and of all robots of a shared world.
         robots: the robots of a shared world.
@@ -158,33 +193,23 @@ class World:
         )
         return floor
 
-    def _add_solids(self) -> int | None:
-        # one body for everything that stands: the renderer's time grows with the bodies
-        kinds: list[int] = []
-        halves: list[list[float]] = []
-        radii: list[float] = []
-        heights: list[float] = []
-        places: list[list[float]] = []
-        turns: list[list[float]] = []
-        colours: list[list[float]] = []
-        for box in self.plan.boxes:
-            kinds.append(pybullet.GEOM_BOX)
-            halves.append([box.half_length, box.half_thickness, box.height / 2])
-            radii.append(0.0)
-            heights.append(0.0)
-            places.append([box.x, box.y, box.height / 2])
-            turns.append(list(pybullet.getQuaternionFromEuler([0, 0, atan2(box.uy, box.ux)])))
-            colours.append([*box.colour, 1.0])
-        for post in self.arena.cylinder:
-            kinds.append(pybullet.GEOM_CYLINDER)
-            halves.append([0.0, 0.0, 0.0])
-            radii.append(post.radius)
-            heights.append(post.height)
-            places.append([*post.centre, post.height / 2])
-            turns.append([0.0, 0.0, 0.0, 1.0])
-            colours.append([*post.colour, 1.0])
-        if not kinds:
-            return None
+    def _add_solids(self) -> list[int]:
+        # few bodies for everything that stands: the renderer's time grows with the bodies
+        parts = [_box_part(box) for box in self.plan.boxes]
+        parts += [_post_part(post) for post in self.arena.cylinder]
+        return [
+            self._add_solid(parts[first : first + _MOST_PARTS])
+            for first in range(0, len(parts), _MOST_PARTS)
+        ]
+
+    def _add_solid(self, parts: list[_Part]) -> int:
+        """One body that stands still."""
+        kinds = [part.kind for part in parts]
+        halves = [part.halves for part in parts]
+        radii = [part.radius for part in parts]
+        heights = [part.height for part in parts]
+        places = [part.place for part in parts]
+        turns = [part.turn for part in parts]
         shape = pybullet.createCollisionShapeArray(
             shapeTypes=kinds,
             halfExtents=halves,
@@ -201,21 +226,21 @@ class World:
             lengths=heights,
             visualFramePositions=places,
             visualFrameOrientations=turns,
-            rgbaColors=colours,
+            rgbaColors=[[*part.colour, 1.0] for part in parts],
             physicsClientId=self.client,
         )
-        solids: int = pybullet.createMultiBody(0, shape, look, physicsClientId=self.client)
+        solid: int = pybullet.createMultiBody(0, shape, look, physicsClientId=self.client)
         pybullet.changeDynamics(
-            solids, -1, lateralFriction=0.3, restitution=0.0, physicsClientId=self.client
+            solid, -1, lateralFriction=0.3, restitution=0.0, physicsClientId=self.client
         )
         pybullet.setCollisionFilterGroupMask(
-            solids,
+            solid,
             -1,
             SOLID_GROUP,
             BODY_GROUP | THING_GROUP | _RAY_GROUP,
             physicsClientId=self.client,
         )
-        return solids
+        return solid
 
     def _add_bulbs(self) -> None:
         if not self.arena.lamp:

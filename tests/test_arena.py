@@ -4,6 +4,7 @@ import sys
 from math import hypot
 
 import numpy as np
+import pybullet
 import pytest
 
 from khepera_emulator.arena import arena_names, load_arena
@@ -12,6 +13,7 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, KHEPERA2
 from khepera_emulator.places import check_room, pose_of, random_pose
+from khepera_emulator.world import World
 from protocol.side_channel import Pose
 
 COMMAND_WAY = 0.021
@@ -70,6 +72,18 @@ def test_a_straight_drive_collides_in_the_eighth_command(name):
     start, gap = pose_of(load_arena(name).start), gap_in(name, KHEPERA)
     gaps = [gap(start.model_copy(update={"x": start.x + n * COMMAND_WAY})) for n in (7, 8)]
     assert gaps[0] > 0.0 > gaps[1]
+
+
+@pytest.mark.parametrize("name", arena_names())
+def test_every_solid_stands_in_the_world(name):
+    world = World(load_arena(name))
+    parts = [
+        shape
+        for solid in world.solids
+        for shape in pybullet.getCollisionShapeData(solid, -1, physicsClientId=world.client)
+    ]
+    world.close()
+    assert len(parts) == len(world.plan.boxes) + len(world.plan.posts)
 
 
 def test_the_mirror_image_of_the_corridor_is_one():

@@ -1,13 +1,16 @@
 """The camera: left is left, turning the robot turns the picture, and noise is seeded."""
 
+from importlib import resources
 from math import pi
 
 import numpy as np
 import pybullet
 import pytest
 
-from khepera_emulator.arena import Arena
-from khepera_emulator.camera import OmniCamera
+from khepera_emulator.arena import Arena, load_arena
+from khepera_emulator.camera import HEIGHT, OmniCamera
+from khepera_emulator.renderers.faces import FacesRenderer
+from khepera_emulator.renderers.skyline import SkylineRenderer, suits
 from khepera_emulator.world import World
 from protocol.mirror import Mirror
 from protocol.side_channel import Pose
@@ -44,8 +47,23 @@ def world():
     made.close()
 
 
-def camera(world: World, seed: int = 0, noise: float = 0.0) -> OmniCamera:
-    return OmniCamera(world, np.random.default_rng(seed), noise=noise)
+def faces(world: World, resolution: int = 64) -> FacesRenderer:
+    return FacesRenderer(world, HEIGHT, MIRROR.low, MIRROR.high, resolution)
+
+
+def skyline(world: World) -> SkylineRenderer:
+    return SkylineRenderer(world.arena, HEIGHT, MIRROR.low, MIRROR.high)
+
+
+@pytest.fixture(params=[faces, skyline], ids=["faces", "skyline"])
+def camera(request):
+    """A camera in a world, with each of the renderers."""
+
+    def make(world: World, seed: int = 0, noise: float = 0.0) -> OmniCamera:
+        rng = np.random.default_rng(seed)
+        return OmniCamera(world, rng, noise=noise, renderer=request.param(world))
+
+    return make
 
 
 def pose(heading: float = 0.0, x: float = 0.0, y: float = 0.0) -> Pose:
@@ -63,7 +81,7 @@ def wall_row(panorama: np.ndarray) -> int:
     return int(share * len(panorama))
 
 
-def test_shapes(world):
+def test_shapes(camera, world):
     image = camera(world).mirror_image(pose())
     assert (image.shape, image.dtype) == ((160, 160, 3), np.uint8)
     panorama = camera(world).panorama(pose())
@@ -73,7 +91,7 @@ def test_shapes(world):
 @pytest.mark.parametrize(
     ("share", "colour"), [(0.5, RED), (0.25, GREEN), (0.0, BLUE), (0.75, YELLOW)]
 )
-def test_the_panorama_shows_each_wall_on_its_side(world, share, colour):
+def test_the_panorama_shows_each_wall_on_its_side(camera, world, share, colour):
     panorama = camera(world).panorama(pose())
     assert has_colour(panorama[wall_row(panorama), int(share * 240)], colour)
 
@@ -81,7 +99,7 @@ def test_the_panorama_shows_each_wall_on_its_side(world, share, colour):
 @pytest.mark.parametrize(
     ("step", "colour"), [((0, -1), RED), ((-1, 0), GREEN), ((0, 1), BLUE), ((1, 0), YELLOW)]
 )
-def test_the_mirror_shows_front_up_and_left_left(world, step, colour):
+def test_the_mirror_shows_front_up_and_left_left(camera, world, step, colour):
     image = camera(world).mirror_image(pose())
     radius = MIRROR.inner + 44 / 70 * (MIRROR.outer - MIRROR.inner)
     x, y = (round(79.5 + radius * part) for part in step)
@@ -89,7 +107,7 @@ def test_the_mirror_shows_front_up_and_left_left(world, step, colour):
 
 
 @pytest.mark.parametrize("degrees", [15, 30, 45, 90, 180, 270, -60])
-def test_turning_the_robot_turns_the_panorama(world, degrees):
+def test_turning_the_robot_turns_the_panorama(camera, world, degrees):
     straight = camera(world).panorama(pose()).astype(int)
     turned = camera(world).panorama(pose(np.radians(degrees))).astype(int)
     # a turn to the left moves the world to the right, 1.5 degrees a column
@@ -98,7 +116,7 @@ def test_turning_the_robot_turns_the_panorama(world, degrees):
     assert np.mean(difference > 40) < 0.06
 
 
-def test_the_mirror_image_holds_the_panorama(world):
+def test_the_mirror_image_holds_the_panorama(camera, world):
     at = pose(0.7, 0.1, -0.05)
     image, panorama = camera(world).mirror_image(at), camera(world).panorama(at)
     column, row = np.meshgrid(np.arange(240), np.arange(48))
@@ -114,7 +132,7 @@ def test_the_mirror_image_holds_the_panorama(world):
     assert np.median(difference) == 0
 
 
-def test_beside_the_mirror_it_is_black(world):
+def test_beside_the_mirror_it_is_black(camera, world):
     image = camera(world, noise=5.0).mirror_image(pose())
     y, x = np.mgrid[0:160, 0:160]
     radius = np.hypot(x - 79.5, y - 79.5)
@@ -122,12 +140,13 @@ def test_beside_the_mirror_it_is_black(world):
     assert image[(radius > 17) & (radius < 77)].any(axis=1).all()
 
 
-def test_the_sky_has_its_colour(world):
+def test_the_sky_has_its_colour(camera, world):
     panorama = camera(world).panorama(pose())
     assert panorama[0, 0].tolist() == [round(255 * share) for share in (0.9, 0.7, 0.5)]
 
 
-def test_the_floor_is_painted_as_pybullet_would_render_it(world):
+def test_the_floor_is_painted_as_pybullet_would_render_it(camera, world):
+    rendering = OmniCamera(world, np.random.default_rng(0), noise=0.0, renderer=faces(world))
     client = world.client
     plate = pybullet.createVisualShape(
         pybullet.GEOM_BOX,
@@ -137,13 +156,13 @@ def test_the_floor_is_painted_as_pybullet_would_render_it(world):
     )
     seen = camera(world).mirror_image(pose())
     body = pybullet.createMultiBody(0, -1, plate, [0, 0, 0.0005], physicsClientId=client)
-    rendered = camera(world).mirror_image(pose())
+    rendered = rendering.mirror_image(pose())
     pybullet.removeBody(body, physicsClientId=client)
     np.testing.assert_array_equal(seen[79, 60], rendered[79, 60])
     assert seen[79, 60].any()
 
 
-def test_nearer_walls_are_larger(world):
+def test_nearer_walls_are_larger(camera, world):
     def height(x: float) -> int:
         column = camera(world).panorama(pose(0.0, x))[:, 120]
         return sum(has_colour(pixel, RED) for pixel in column)
@@ -151,7 +170,7 @@ def test_nearer_walls_are_larger(world):
     assert height(0.2) > height(0.0) > height(-0.2) > 0
 
 
-def test_noise_is_seeded_and_as_large_as_told(world):
+def test_noise_is_seeded_and_as_large_as_told(camera, world):
     clean = camera(world).panorama(pose()).astype(int)
     first = camera(world, 1, 2.0)
     pictures = [first.panorama(pose()) for _ in range(3)]
@@ -162,3 +181,68 @@ def test_noise_is_seeded_and_as_large_as_told(world):
     assert not np.array_equal(pictures[0], pictures[1])
     middle = (clean > 20) & (clean < 235)
     assert np.std((pictures[0] - clean)[middle]) == pytest.approx(2.0, rel=0.1)
+
+
+POSTS = """
+[[cylinder]]
+centre = [0.15, 0.1]
+radius = 0.03
+colour = [0.9, 0.1, 0.2]
+"""
+
+
+@pytest.fixture(
+    scope="module",
+    params=["corridor", "corridor-mirror", "corridor-18", "s-curve", "maze", "open-box", "posts"],
+)
+def plain(request, tmp_path_factory):
+    """An arena of walls and posts, and places in it."""
+    name = request.param
+    if name == "posts":
+        path = tmp_path_factory.mktemp("arena") / "posts.toml"
+        with resources.as_file(resources.files("khepera_emulator") / "arenas") as folder:
+            path.write_text((folder / "open-box.toml").read_text() + POSTS)
+        name = str(path)
+    made = World(load_arena(name))
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(("heading", "aside"), [(0.3, 0.0), (2.0, 0.03), (-1.0, -0.04)])
+def test_the_fast_renderer_draws_what_pybullet_does(plain, heading, aside):
+    assert suits(plain.arena, HEIGHT)
+    start = plain.arena.start
+    at = pose(heading, start.x + aside, start.y + aside)
+    pictures = []
+    for renderer in (skyline(plain), faces(plain, 192)):
+        seen = OmniCamera(plain, np.random.default_rng(0), noise=0.0, renderer=renderer)
+        pictures.append(seen.mirror_image(at).astype(int))
+    difference = np.abs(pictures[0] - pictures[1]).max(axis=2)
+    # faces and floor in the same colours; edges differ by less than a pixel
+    assert np.median(difference) == 0
+    assert np.mean(difference > 4) < 0.08
+    assert np.mean(difference > 60) < 0.02
+
+
+def test_the_fast_renderer_is_for_plain_arenas_only():
+    assert not suits(load_arena("lamp-room"), HEIGHT)
+    assert not suits(load_arena("toys"), HEIGHT)
+    assert not suits(load_arena("corridor"), 0.10)
+    low = load_arena("corridor").model_dump()
+    low["wall"][0]["height"] = 0.2
+    assert not suits(Arena.model_validate(low), HEIGHT)
+    assert suits(load_arena("corridor"), HEIGHT)
+
+
+def test_an_empty_arena_is_floor_and_sky():
+    empty = load_arena("corridor").model_copy(update={"wall": []})
+    made = World(empty)
+    seen = [
+        OmniCamera(made, np.random.default_rng(0), noise=0.0, renderer=renderer(made)).panorama(
+            pose()
+        )
+        for renderer in (skyline, faces)
+    ]
+    made.close()
+    assert np.mean(seen[0] != seen[1]) < 0.05
+    assert seen[0][0, 0].tolist() == [255, 255, 255]

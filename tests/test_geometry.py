@@ -79,7 +79,11 @@ def test_clearance_equals_the_distance_in_pybullet(world):
         pybullet.resetBasePositionAndOrientation(
             probe, [x, y, HEIGHT], [0, 0, 0, 1], physicsClientId=world.client
         )
-        near = pybullet.getClosestPoints(probe, world.solids, 2.0, physicsClientId=world.client)
+        near = [
+            point
+            for solid in world.solids
+            for point in pybullet.getClosestPoints(probe, solid, 2.0, physicsClientId=world.client)
+        ]
         # PyBullet rounds a post's mantle by its collision margin
         assert min(point[8] for point in near) + probe_radius == pytest.approx(gap, abs=1e-3)
         compared += 1

@@ -8,13 +8,15 @@ import pytest
 from test_khepera_url import ask, open_port, session
 from worlds import arena
 
-from khepera_emulator.camera import OmniCamera
+from khepera_emulator.camera import HEIGHT, OmniCamera
 from khepera_emulator.chassis import Chassis
 from khepera_emulator.crew import Crew
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
+from khepera_emulator.renderers.faces import FacesRenderer
 from khepera_emulator.robot import Robot
 from khepera_emulator.world import BODY_GROUP, FLOOR_GROUP, World
+from protocol.mirror import Mirror
 from protocol.side_channel import Pose, Reset, WheelDrift
 
 IDEAL = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
@@ -237,10 +239,12 @@ def test_a_thing_throws_a_shadow_and_a_lamp_is_seen(bench):
     free, shaded = bench(lamp=lamp), bench(BOX, lamp=lamp)
     assert max(free.robot.ambient()[2:4]) < 420
     assert min(shaded.robot.ambient()[2:4]) > 470
-    pictures = [
-        OmniCamera(made.world, np.random.default_rng(0), noise=0.0).panorama(ORIGIN)
-        for made in (bench(), free)
-    ]
+    mirror = Mirror()
+    pictures = []
+    for made in bench(), free:
+        renderer = FacesRenderer(made.world, HEIGHT, mirror.low, mirror.high)
+        camera = OmniCamera(made.world, np.random.default_rng(0), noise=0.0, renderer=renderer)
+        pictures.append(camera.panorama(ORIGIN))
     changed = np.argwhere((pictures[0] != pictures[1]).any(axis=2))
     assert 0 < len(changed) < 60
     assert abs(changed.mean(axis=0)[1] - 119.5) < 3
