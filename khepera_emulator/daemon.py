@@ -152,9 +152,9 @@ class _Line:
         self._port = port
         self._follow_rate = follow_rate
         self._channel = channel
-        self._log = log
-        if log:
-            emulator.uart.faults.listeners.append(log.fault)
+        self._log = channel.listening(log) if channel else log
+        if self._log:
+            emulator.uart.faults.listeners.append(self._log.fault)
 
     def descriptors(self) -> list[int]:
         """What becomes readable when a client or a query comes."""

@@ -1,9 +1,12 @@
 """Camera, ground truth and reset of an emulated robot over Zenoh: what never goes on the line.
 
+So do the bytes on the line themselves, for those who watch it.
+
 Zenoh calls back in threads of its own. They only put queries on a list and wake the emulator's
 thread, which answers them between two portions of the serial line.
 """
 
+import json
 import os
 import time
 from collections import deque
@@ -18,11 +21,17 @@ from pydantic import ValidationError
 
 from khepera_emulator.emulator import Emulator
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.wire_log import WireLog
+from khepera_emulator.wire_tap import WireTap
+from protocol.keys import DESCRIBE, EMULATOR, EMULATOR_KEYS, SCHEMA_MEDIA_TYPE, Key, schema_name
 from protocol.side_channel import CameraQuery, Payload, Reset, Stamp, robot_key
 from protocol.zenoh_config import zenoh_config
 
 TRUTH_RATE = 10.0
 """Ground truths a second, published while someone listens."""
+
+WIRE_RATE = 10.0
+"""Times a second that what passed on the line is published, while someone listens."""
 
 _MOST_WAITING = 64
 _ENCODINGS = {"png": zenoh.Encoding.IMAGE_PNG, "jpeg": zenoh.Encoding.IMAGE_JPEG}
@@ -72,14 +81,18 @@ class SideChannel:
                 beside._session if beside else stack.enter_context(_open_session(listen, connect))
             )
             session = self._session
-            for leaf, answer in _ANSWERS.items():
-                key = robot_key(robot, leaf)
-                session.declare_queryable(key, self._enqueue(_Replier(key, answer)))
+            self._tap = WireTap()
+            answers = {**_ANSWERS, "wire": lambda _, __: _json(self._tap.since(0))}
+            for key in EMULATOR_KEYS:
+                if key.leaf in answers:
+                    replier = _Replier(session, robot, key, answers[key.leaf])
+                    session.declare_queryable(replier.name, self._enqueue(replier))
             self._streams = [
-                _Stream(_publisher(session, robot_key(robot, leaf)), rate, answer, request)
+                _Stream(session, robot_key(robot, leaf), rate, answer, request)
                 for leaf, rate, answer, request in (
                     ("camera", camera_rate, _camera, _JPEG_FRAME),
                     ("truth", TRUTH_RATE, _truth, b""),
+                    ("wire", WIRE_RATE, _fresh_entries(self._tap), b""),
                 )
             ]
             self._alive = session.liveliness().declare_token(robot_key(robot, "alive"))
@@ -90,6 +103,11 @@ class SideChannel:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+
+    def listening(self, log: WireLog | None) -> WireTap:
+        """What the daemon tells of the line, to be published; and to be written down in a log."""
+        self._tap.log = log
+        return self._tap
 
     def fileno(self) -> int:
         """Descriptor that becomes readable when a query has come."""
@@ -125,14 +143,24 @@ class SideChannel:
 
 
 class _Replier:
-    """Answers the queries on one key."""
+    """Answers the queries on one key.
 
-    def __init__(self, key: str, answer: _Answer) -> None:
-        self._key = key
+    Attributes:
+        name: the key, with the robot's name in it.
+    """
+
+    def __init__(self, session: zenoh.Session, robot: str, key: Key, answer: _Answer) -> None:
+        self.name = robot_key(robot, key.leaf)
+        self._session = session
+        self._payload = key.payload
         self._answer = answer
         self._sequence = 0
 
     def reply(self, query: zenoh.Query, emulator: Emulator) -> None:
+        if DESCRIBE in query.parameters and self._payload:
+            schema = json.dumps(self._payload.model_json_schema())
+            query.reply(self.name, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
+            return
         request = query.payload.to_bytes() if query.payload is not None else b""
         try:
             content = self._answer(emulator, request)
@@ -140,10 +168,11 @@ class _Replier:
             query.reply_err(str(error), encoding=zenoh.Encoding.TEXT_PLAIN)
             return
         query.reply(
-            self._key,
+            self.name,
             content.payload,
             encoding=content.encoding,
             attachment=_stamp(self._sequence, emulator),
+            timestamp=self._session.new_timestamp(),
         )
         self._sequence += 1
 
@@ -156,10 +185,18 @@ class _Stream:
     """
 
     def __init__(
-        self, publisher: zenoh.Publisher, rate: float, answer: _Answer, request: bytes
+        self,
+        session: zenoh.Session,
+        key: str,
+        rate: float,
+        answer: Callable[[Emulator, bytes], "_Content | None"],
+        request: bytes,
     ) -> None:
         self.next = time.monotonic()
-        self._publisher = publisher
+        self._session = session
+        self._publisher = session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.DROP
+        )
         self._period = 1.0 / rate
         self._answer = answer
         self._request = request
@@ -175,10 +212,13 @@ class _Stream:
         if not status.matching:
             return
         content = self._answer(emulator, self._request)
+        if content is None:
+            return
         self._publisher.put(
             content.payload,
             encoding=content.encoding,
             attachment=_stamp(self._sequence, emulator),
+            timestamp=self._session.new_timestamp(),
         )
         self._sequence += 1
 
@@ -204,6 +244,21 @@ def _outline(emulator: Emulator, _: bytes) -> _Content:
     return _json(emulator.outline())
 
 
+def _fresh_entries(tap: WireTap) -> Callable[[Emulator, bytes], _Content | None]:
+    """What has passed on the line since the last call; None for nothing."""
+    told = 0
+
+    def fresh(_: Emulator, __: bytes) -> _Content | None:
+        nonlocal told
+        if tap.count == told:
+            return None
+        content = _json(tap.since(told))
+        told = tap.count
+        return content
+
+    return fresh
+
+
 _ANSWERS: Mapping[str, _Answer] = MappingProxyType(
     {"camera": _camera, "truth": _truth, "reset": _reset, "arena": _outline}
 )
@@ -219,15 +274,12 @@ def _parse(kind: type[_P], request: bytes) -> _P:
 
 
 def _json(payload: Payload) -> _Content:
-    return _Content(payload.model_dump_json().encode(), zenoh.Encoding.APPLICATION_JSON)
+    encoding = zenoh.Encoding.APPLICATION_JSON.with_schema(schema_name(EMULATOR, type(payload)))
+    return _Content(payload.model_dump_json().encode(), encoding)
 
 
 def _stamp(sequence: int, emulator: Emulator) -> str:
     return Stamp(sequence=sequence, time=emulator.now).model_dump_json()
-
-
-def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
 
 
 def _open_session(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Session:

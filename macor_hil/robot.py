@@ -8,6 +8,7 @@ from typing import Any, Self
 import serial
 
 from macor_hil.errors import RobotError
+from macor_hil.meter import Meter
 from protocol.errors import ReplyError
 from protocol.framing import LINE_END
 from protocol.messages import Reply, build_request, parse_reply
@@ -76,10 +77,12 @@ class Khepera:
     Attributes:
         port: the pySerial port.
         clock: seconds on the clock that the port lives by: virtual for `khepera://`, else real.
+        meter: counts requests and times their round trips on that clock.
     """
 
     def __init__(self, port: Any) -> None:
         self.port = port
+        self.meter = Meter()
         emulated = hasattr(port, "now")
         self.clock: Callable[[], float] = (lambda: port.now) if emulated else time.monotonic
 
@@ -133,6 +136,16 @@ class Khepera:
         Raises:
             RobotError: no reply in time, a reply of another kind, or a failed port.
         """
+        start = self.clock()
+        try:
+            reply = self._exchange(letter, *arguments)
+        except RobotError:
+            self.meter.failed()
+            raise
+        self.meter.answered(self.clock() - start)
+        return reply
+
+    def _exchange(self, letter: str, *arguments: int) -> Reply:
         message = build_request(letter, *arguments)
         data = message.encode()
         limit = wire_time(len(data) + LONGEST_REPLY, self.port.baudrate or 9600) + PATIENCE

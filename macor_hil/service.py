@@ -30,7 +30,7 @@ from macor_hil.odometry import integrate
 from macor_hil.planners import PLANNERS
 from macor_hil.planners.planner import Planner
 from macor_hil.robot import Khepera
-from macor_hil.telemetry.decisions import decision_of
+from macor_hil.telemetry.decisions import decision_of, learned_of, link_of
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
 from macor_hil.telemetry.schemas import Decision, Odometry, Phase, State
 from macor_hil.telemetry.session import open_session
@@ -255,10 +255,14 @@ class _Run:
         )
         rng = np.random.default_rng(self.config.seed)
         self._time = clock()
+        if self._publisher:
+            self._publisher.learned(learned_of(brain), self._time)
         self._say(Phase.DRIVING)
         for step in drive(agent, planner, rng, self.config.commands):
             self._time = clock()
-            self._count(step)
+            self._count(step, brain)
+            if self._publisher:
+                self._publisher.link(link_of(hardware.robot.meter.read(), self._time))
             self.interruption.check()
             if step.outcome.collided:
                 return Ending.COLLISION
@@ -267,11 +271,12 @@ class _Run:
     def _watched(self, camera: Camera) -> Camera:
         return WatchedCamera(camera, self._publisher.frame) if self._publisher else camera
 
-    def _count(self, step: Step) -> None:
+    def _count(self, step: Step, brain: Brain) -> None:
         self.total += step.reinforcement
         self._odometry = self._advance(step.outcome.counters)
         decision = decision_of(
             step,
+            fields=brain.fields,
             time=self._time,
             sequence=self.driven,
             total_reinforcement=self.total,

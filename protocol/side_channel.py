@@ -1,8 +1,9 @@
 """Keys and payloads that travel over Zenoh beside the serial line.
 
-The emulator offers `khepera/<robot>/{camera,truth,reset,arena,alive}`, the controller
-`macor/<robot>/{frame,decision,state,alive}`. A sample carries its sequence number and the time
-it was taken at as an attachment, so that any payload (a JPEG, a JSON text) can be placed.
+The emulator offers `khepera/<robot>/{camera,truth,reset,arena,wire,alive}`, the controller
+`macor/<robot>/{frame,decision,map,state,link,alive}`; `protocol.keys` lists them. A sample
+carries its sequence number and the time it was taken at as an attachment, so that any payload (a
+JPEG, a JSON text) can be placed.
 """
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -78,6 +79,24 @@ class Outline(Payload):
     solids: list[Solid]
     start: Pose
     robot_radius: float = Field(gt=0.0, description="metres")
+
+
+class WireEntry(Payload):
+    """Something that happened on a serial line, as in a wire log."""
+
+    time: float = Field(description="seconds of simulated time")
+    what: str = Field(description="request, reply, close, line or fault")
+    text: str = Field(
+        description="a request's or reply's bytes as the characters U+0000 to U+00FF; settings of"
+        " the line, such as 9600 8N2; what the fault did"
+    )
+
+
+class Wire(Payload):
+    """What passed on a robot's serial line of late."""
+
+    first: int = Field(ge=0, description="number of the first entry; a gap: entries were lost")
+    entries: list[WireEntry]
 
 
 class CameraQuery(Payload):

@@ -12,6 +12,7 @@ from macor_hil.telemetry.schemas import (
     Ahead,
     Alternative,
     Decision,
+    Hypothesis,
     Odometry,
     Phase,
     Situation,
@@ -34,6 +35,15 @@ def a_decision(sequence=0, **changes):
         ],
         "command": "straight",
         "steps": 21,
+        "hypotheses": [
+            Hypothesis(
+                evaluation=4.25,
+                ahead=[Ahead(node=18, command="straight"), Ahead(node=4, command="left")],
+            ),
+            Hypothesis(evaluation=2.125, ahead=[Ahead(node=4, command="left")]),
+        ],
+        "activities": [0.0] * 53 + [1.0, 0.95, 0.9025],
+        "features": [0.5] * 36,
         "sequence_ahead": [Ahead(node=18, command="straight"), Ahead(node=4, command="left")],
         "reinforcement": 0.7,
         "total_reinforcement": 0.7 * (sequence + 1),

@@ -71,6 +71,32 @@ def test_a_transition_back_to_the_start_is_worth_itself() -> None:
     assert plan.evaluations == (pytest.approx(0.7 * 0.95), pytest.approx(0.5 * 0.95))
 
 
+def test_each_first_transition_is_a_hypothesis_with_its_best_continuation() -> None:
+    memory = memory_of((0, 2, 0.5), (2, 4, 0.7), (0, 6, 0.6), (0, 3, 0.1), (3, 5, 0.2), (3, 7, 0.1))
+    plan = Anticipative().plan(memory, 0)
+    assert [hypothesis.neurons for hypothesis in plan.hypotheses] == [(2, 4), (6,), (3, 5)]
+    w = 0.95
+    assert plan.hypotheses[1].evaluation == pytest.approx(0.6 * w)
+    assert plan.hypotheses[0].evaluation == plan.evaluations[0]
+    assert plan.hypotheses[2].evaluation == plan.evaluations[1]
+    assert plan.activities[0] == 1.0
+    assert plan.activities[4] == pytest.approx(w * w)
+    assert plan.activities[1] == 0.0
+
+
+def test_of_equal_hypotheses_the_one_of_the_chosen_command_is_first() -> None:
+    plan = Anticipative().plan(memory_of((0, 3, 0.5), (0, 2, 0.5)), 0)
+    assert plan.command == 0
+    assert [hypothesis.neurons for hypothesis in plan.hypotheses] == [(2,), (3,)]
+
+
+def test_expected_value_weighs_a_sequence_for_each_command() -> None:
+    plan = Expected().plan(memory_of((0, 2, 0.5), (2, 5, 0.7), (0, 3, 0.1)), 0)
+    assert [hypothesis.neurons for hypothesis in plan.hypotheses] == [(2, 5), (3, 5)]
+    assert plan.hypotheses[0].neurons == plan.sequence
+    assert plan.hypotheses[1].evaluation == plan.evaluations[1]
+
+
 def test_rare_transitions_are_devalued() -> None:
     memory = memory_of((0, 3, 0.5))
     memory.learn(0, 2, 0.9)
@@ -104,6 +130,9 @@ def test_planning_ends_and_sequences_never_meet_a_neuron_twice(
     plan = Anticipative().plan(memory, start)
     path = (start, *plan.sequence)
     assert len(set(path)) == len(path)
+    weighed = [hypothesis.neurons for hypothesis in plan.hypotheses]
+    # a transition back to the start is worth itself: nothing is expected beyond it
+    assert weighed[:1] in ([], [plan.sequence], [(start,)])
     tried = {i % 2 for j, i, _ in transitions if j == start}
     known = {a for a, value in enumerate(plan.evaluations) if value is not None}
     # a transition whose neuron is reached better in another way is no alternative

@@ -14,8 +14,10 @@ import zenoh
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 
 from khepera_emulator.arena import load_arena
+from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.wire_tap import MOST_ENTRIES, WireTap
 from protocol.mirror import Mirror
-from protocol.side_channel import Outline, Stamp, Truth
+from protocol.side_channel import Outline, Stamp, Truth, Wire
 from protocol.zenoh_config import zenoh_config
 
 START = load_arena("corridor").start
@@ -68,7 +70,7 @@ def refusal_of(peer, leaf, payload):
 
 
 def truth_of(sample):
-    assert sample.encoding == zenoh.Encoding.APPLICATION_JSON
+    assert str(sample.encoding) == "application/json;khepera.Truth"
     return Truth.model_validate_json(sample.payload.to_bytes())
 
 
@@ -247,3 +249,53 @@ class TestArena:
             min(y for _, y in solid.corners) < -0.125 <= max(y for _, y in solid.corners) + 1e-9
             for solid in outline.solids
         )
+
+
+class TestWire:
+    def test_what_passes_on_the_line_is_published_and_kept_for_queries(self):
+        place = free_endpoint()
+        with (
+            emulator("--listen", place) as robot,
+            session(connect=[place]) as peer,
+            serial.Serial(robot.path, 9600, timeout=PATIENCE) as port,
+        ):
+            samples = Queue()
+            peer.declare_subscriber("khepera/khepera/wire", samples.put)
+            port.write(b"B\n")
+            assert port.readline().startswith(b"b,")
+            entries, replies = [], ""
+            while not replies.endswith("\n"):
+                wire = Wire.model_validate_json(samples.get(timeout=PATIENCE).payload.to_bytes())
+                assert wire.first == len(entries)
+                entries += wire.entries
+                replies += "".join(entry.text for entry in wire.entries if entry.what == "reply")
+            asked = Wire.model_validate_json(sample_of(peer, "wire").payload.to_bytes())
+        assert [entry.what for entry in entries[:2]] == ["line", "request"]
+        assert entries[0].text == "9600 8N1"
+        assert entries[1].text == "B\n"
+        assert replies.startswith("b,")
+        assert asked.entries[: len(entries)] == entries
+
+
+class TestWireTap:
+    def test_keeps_the_latest_entries_and_numbers_all(self):
+        tap = WireTap()
+        for number in range(MOST_ENTRIES + 3):
+            tap.request(float(number), b"N\n")
+        assert tap.count == MOST_ENTRIES + 3
+        assert (tap.since(0).first, len(tap.since(0).entries)) == (3, MOST_ENTRIES)
+        late = tap.since(MOST_ENTRIES + 2)
+        assert [entry.time for entry in late.entries] == [MOST_ENTRIES + 2.0]
+        assert tap.since(tap.count).entries == []
+
+    def test_settings_are_told_when_they_are_new(self):
+        tap = WireTap()
+        for baud in (9600, 9600, 19200):
+            tap.line(1.0, LineFormat(baud, 8, "N", 2.0))
+        assert [entry.text for entry in tap.since(0).entries] == ["9600 8N2", "19200 8N2"]
+
+    def test_bytes_that_are_no_text_are_kept(self):
+        tap = WireTap()
+        tap.reply(1.0, bytes(range(256)))
+        (entry,) = tap.since(0).entries
+        assert entry.text.encode("latin-1") == bytes(range(256))

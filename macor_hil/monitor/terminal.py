@@ -18,7 +18,7 @@ from rich.live import Live
 
 from macor_hil.monitor.view import render
 from macor_hil.monitor.watched import Watched
-from macor_hil.telemetry.publisher import ALIVE, DECISION, FRAME, STATE
+from macor_hil.telemetry.keys import ALIVE, DECISION, FRAME, STATE
 from macor_hil.telemetry.schemas import Decision, State
 from macor_hil.telemetry.session import check_robot_name, open_session
 from protocol.side_channel import controller_key

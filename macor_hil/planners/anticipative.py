@@ -11,8 +11,9 @@ Both can be stopped after any number of wave steps; the decision gets better wit
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from macor_hil.planners.planner import Plan, best_command
+from macor_hil.planners.planner import Hypothesis, Plan, best_command, ranked
 from macor_hil.sensorimotor_map import Array, SensorimotorMap
 
 
@@ -36,9 +37,12 @@ class Anticipative:
         successor = np.full(memory.size, -1)
         best: list[float | None] = [None] * memory.commands
         firsts = [-1] * memory.commands
+        weighed: list[tuple[int, float]] = []
         if w_c[start, start] > 0.0:
             a = start % memory.commands
-            best[a] = float(memory.w_r[start, start] * w_c[start, start])
+            back = float(memory.w_r[start, start] * w_c[start, start])
+            best[a] = back
+            weighed.append((start, back))
         # from the weakest neuron to the strongest: each is complete before it hands on
         for i in np.flatnonzero(links.any(axis=1))[np.argsort(y_a[links.any(axis=1)])]:
             for j in np.flatnonzero(links[i]):
@@ -46,18 +50,25 @@ class Anticipative:
                 if j == start:
                     a = i % memory.commands
                     known = best[a]
+                    weighed.append((int(i), float(value)))
                     if known is None or value > known:
                         best[a], firsts[a] = float(value), int(i)
                 elif successor[j] < 0 or value > y_b[j]:
                     y_b[j], successor[j] = value, i
         evaluations = tuple(best)
         command = best_command(evaluations)
-        sequence = []
-        i = -1 if command is None else firsts[command]
-        while i >= 0:
-            sequence.append(i)
-            i = int(successor[i])
-        return Plan(evaluations, command, tuple(sequence), steps)
+        first = -1 if command is None else firsts[command]
+        return Plan(
+            evaluations,
+            command,
+            _sequence(first, successor),
+            steps,
+            ranked(
+                (Hypothesis(_sequence(i, successor), value) for i, value in weighed),
+                memory.commands,
+            ),
+            tuple(y_a.tolist()),
+        )
 
     def _spread(self, w_c: Array, start: int) -> tuple[Array, Array, int]:
         """Equation 5: greatest activity of every neuron, its links, and the steps it took."""
@@ -74,3 +85,12 @@ class Anticipative:
         links = (w_c * y_a == y_a[:, None]) & (y_a[:, None] > 0.0)
         links[start] = False
         return y_a, links, steps
+
+
+def _sequence(first: int, successor: NDArray[np.int64]) -> tuple[int, ...]:
+    """A neuron and its best continuation; empty for none (-1)."""
+    neurons = []
+    while first >= 0:
+        neurons.append(first)
+        first = int(successor[first])
+    return tuple(neurons)

@@ -14,7 +14,7 @@ how it got there, and pooling gives every estimate m times the evidence. The pap
 import numpy as np
 from numpy.typing import NDArray
 
-from macor_hil.planners.planner import Plan, best_command
+from macor_hil.planners.planner import Hypothesis, Plan, best_command, ranked
 from macor_hil.sensorimotor_map import Array, SensorimotorMap
 
 Mask = NDArray[np.bool_]
@@ -53,7 +53,13 @@ class Expected:
             for value, known in zip(q[node], tried[node], strict=True)
         )
         command = best_command(evaluations)
-        return Plan(evaluations, command, _likeliest(chance, q, tried, node), steps)
+        hypotheses = [
+            Hypothesis(_likeliest(chance, q, tried, node, a), value)
+            for a, value in enumerate(evaluations)
+            if value is not None
+        ]
+        weighed = ranked(hypotheses, memory.commands)
+        return Plan(evaluations, command, weighed[0].neurons if weighed else (), steps, weighed)
 
 
 def _best(q: Array, tried: Mask) -> Array:
@@ -62,14 +68,18 @@ def _best(q: Array, tried: Mask) -> Array:
     return np.where(np.isfinite(best), best, 0.0)
 
 
-def _likeliest(chance: Array, q: Array, tried: Mask, node: int) -> tuple[int, ...]:
-    """The likeliest sequence under the best commands, as neurons, to the first repetition."""
+def _likeliest(chance: Array, q: Array, tried: Mask, node: int, a: int) -> tuple[int, ...]:
+    """The likeliest sequence that begins with a command and goes on with the best ones.
+
+    Given as neurons, to the first repetition.
+    """
     commands = q.shape[1]
     sequence: list[int] = []
     seen: set[int] = set()
     while node not in seen and tried[node].any():
         seen.add(node)
-        a = int(np.where(tried[node], q[node], -np.inf).argmax())
+        if sequence:
+            a = int(np.where(tried[node], q[node], -np.inf).argmax())
         node = int(chance[node, a].argmax())
         sequence.append(node * commands + a)
     return tuple(sequence)

@@ -1,9 +1,23 @@
 """What every planner takes and gives."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
 from macor_hil.sensorimotor_map import SensorimotorMap
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """A hypothetical sequence that was weighed.
+
+    Attributes:
+        neurons: what it goes through, without the start.
+        evaluation: what it is worth to the planner.
+    """
+
+    neurons: tuple[int, ...]
+    evaluation: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,12 +29,17 @@ class Plan:
         command: index of the best one, or None when no command was ever tried here.
         sequence: neurons of the best hypothetical sequence, without the start.
         steps: wave steps that were run.
+        hypotheses: sequences that were weighed, each first transition with its best continuation,
+            the best one first; for those who watch.
+        activities: activity of every neuron after the wave; empty for planners without one.
     """
 
     evaluations: tuple[float | None, ...]
     command: int | None
     sequence: tuple[int, ...] = ()
     steps: int = 0
+    hypotheses: tuple[Hypothesis, ...] = ()
+    activities: tuple[float, ...] = ()
 
 
 class Planner(Protocol):
@@ -29,6 +48,15 @@ class Planner(Protocol):
     def plan(self, memory: SensorimotorMap, start: int) -> Plan:
         """Evaluate the commands that can follow the neuron `start`."""
         ...
+
+
+def ranked(hypotheses: Iterable[Hypothesis], commands: int) -> tuple[Hypothesis, ...]:
+    """Hypotheses from the best to the worst; at a tie as `best_command`, then as given."""
+
+    def rank(hypothesis: Hypothesis) -> tuple[float, int]:
+        return -hypothesis.evaluation, hypothesis.neurons[0] % commands
+
+    return tuple(sorted(hypotheses, key=rank))
 
 
 def best_command(evaluations: tuple[float | None, ...]) -> int | None:

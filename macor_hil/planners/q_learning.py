@@ -12,7 +12,7 @@ have occurred; after a collision, or where nothing has followed yet, there is no
 for it. Competence weights are not used.
 """
 
-from macor_hil.planners.planner import Plan, best_command
+from macor_hil.planners.planner import Hypothesis, Plan, best_command, ranked
 from macor_hil.sensorimotor_map import SensorimotorMap
 
 
@@ -62,4 +62,6 @@ class QLearning:
             ends.append(end)
         command = best_command(tuple(best))
         sequence = () if command is None else (ends[command],)
-        return Plan(tuple(best), command, sequence, 0)
+        known = ((end, value) for end, value in zip(ends, best, strict=True) if value is not None)
+        hypotheses = ranked((Hypothesis((end,), value) for end, value in known), memory.commands)
+        return Plan(tuple(best), command, sequence, 0, hypotheses)

@@ -1,17 +1,49 @@
-"""From a step of the agent to the payload that tells of it."""
+"""From what the controller works with to the payloads that tell of it."""
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Final
+
+import numpy as np
 
 from macor_hil.agent import Step
+from macor_hil.brain import Brain
 from macor_hil.drive import COMMANDS
-from macor_hil.telemetry.schemas import Ahead, Alternative, Decision, Odometry, Situation
+from macor_hil.meter import Reading
+from macor_hil.telemetry.schemas import (
+    Ahead,
+    Alternative,
+    Command,
+    Decision,
+    Eye,
+    Fields,
+    Hypothesis,
+    Learned,
+    Link,
+    Odometry,
+    Situation,
+)
+from macor_hil.vision.opponent import CHANNELS
+from macor_hil.vision.receptive_fields import ReceptiveFields
+
+_DIGITS: Final = 4
+"""Of activities and features, which are many and only looked at."""
 
 
 def decision_of(
-    step: Step, *, time: float, sequence: int, total_reinforcement: float, odometry: Odometry
+    step: Step,
+    *,
+    fields: ReceptiveFields,
+    time: float,
+    sequence: int,
+    total_reinforcement: float,
+    odometry: Odometry,
 ) -> Decision:
     """The payload of a step.
 
     Args:
         step: what was seen, planned, driven and earned.
+        fields: what it was seen with.
         time: seconds on the robot's clock, after the command.
         sequence: number of the step in its run, from 0.
         total_reinforcement: of the run, this step included.
@@ -34,7 +66,13 @@ def decision_of(
         ],
         command=COMMANDS[step.command].name,
         steps=step.plan.steps,
-        sequence_ahead=[_ahead(neuron) for neuron in step.plan.sequence],
+        sequence_ahead=_ahead(step.plan.sequence),
+        hypotheses=[
+            Hypothesis(evaluation=weighed.evaluation, ahead=_ahead(weighed.neurons))
+            for weighed in step.plan.hypotheses
+        ],
+        activities=[round(activity, _DIGITS) for activity in step.plan.activities],
+        features=fields.tune(step.before.features).round(_DIGITS).tolist(),
         reinforcement=step.reinforcement,
         total_reinforcement=total_reinforcement,
         collided=step.outcome.collided,
@@ -43,6 +81,24 @@ def decision_of(
     )
 
 
-def _ahead(neuron: int) -> Ahead:
-    node, command = divmod(neuron, len(COMMANDS))
-    return Ahead(node=node, command=COMMANDS[command].name)
+def learned_of(brain: Brain) -> Learned:
+    """The payload of a map."""
+    return Learned(
+        situations=brain.art.size,
+        transitions=int(np.count_nonzero(brain.map.z)),
+        commands=[Command(**asdict(command)) for command in COMMANDS],
+        fields=Fields(
+            sectors=brain.fields.sectors, width=brain.fields.width, channels=list(CHANNELS)
+        ),
+        eye=Eye(**asdict(brain.settings.mirror)),
+    )
+
+
+def link_of(reading: Reading, time: float) -> Link:
+    """The payload of a meter's reading at a time in seconds on the robot's clock."""
+    return Link(time=time, **asdict(reading))
+
+
+def _ahead(neurons: Iterable[int]) -> list[Ahead]:
+    places = (divmod(neuron, len(COMMANDS)) for neuron in neurons)
+    return [Ahead(node=node, command=COMMANDS[command].name) for node, command in places]

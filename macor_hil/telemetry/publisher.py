@@ -1,4 +1,4 @@
-"""Publishes a run under `macor/<robot>/{frame,decision,state,alive}`.
+"""Publishes a run under `macor/<robot>/{frame,decision,map,state,link,alive}`.
 
 Nothing here ever waits for a watcher. A subscriber that hangs while its link is up would hold a
 blocking put for seconds, with a robot on the other line; so everything is dropped on congestion.
@@ -16,19 +16,13 @@ import zenoh
 
 from macor_hil.cameras import Camera, Frame
 from macor_hil.errors import TelemetryError
-from macor_hil.telemetry.schemas import Decision, State
+from macor_hil.telemetry.keys import ALIVE, DECISION, FRAME, LINK, MAP, STATE
+from macor_hil.telemetry.schemas import Decision, Learned, Link, State
 from macor_hil.telemetry.session import check_robot_name
+from protocol.keys import CONTROLLER, DESCRIBE, SCHEMA_MEDIA_TYPE, schema_name
 from protocol.side_channel import Payload, Stamp, controller_key
 
-FRAME: Final = "frame"
-DECISION: Final = "decision"
-STATE: Final = "state"
-ALIVE: Final = "alive"
-
-DESCRIBE: Final = "describe"
-"""Selector parameter that asks a JSON key for its schema: `macor/<robot>/decision?describe`."""
-
-SCHEMA_ENCODING: Final = zenoh.Encoding("application/schema+json")
+SCHEMA_ENCODING: Final = zenoh.Encoding(SCHEMA_MEDIA_TYPE)
 
 _P = TypeVar("_P", bound=Payload)
 
@@ -49,7 +43,9 @@ class Publisher:
         with ExitStack() as stack:
             self._frames = _FrameKey(stack, session, controller_key(robot, FRAME))
             self._decisions = _JsonKey(stack, session, controller_key(robot, DECISION), Decision)
+            self._maps = _JsonKey(stack, session, controller_key(robot, MAP), Learned)
             self._states = _JsonKey(stack, session, controller_key(robot, STATE), State)
+            self._links = _JsonKey(stack, session, controller_key(robot, LINK), Link)
             alive = session.liveliness().declare_token(controller_key(robot, ALIVE))
             stack.enter_context(alive)
             self._stack = stack.pop_all()
@@ -71,6 +67,14 @@ class Publisher:
     def decision(self, decision: Decision) -> None:
         """Publish a decision."""
         self._decisions.put(decision, decision.time)
+
+    def learned(self, learned: Learned, time: float) -> None:
+        """Publish what a run drives by, as of a time in seconds on the robot's clock."""
+        self._maps.put(learned, time)
+
+    def link(self, link: Link) -> None:
+        """Publish how the serial line does."""
+        self._links.put(link, link.time)
 
     def state(self, state: State, time: float) -> None:
         """Publish the controller's state, as of a time in seconds on the robot's clock."""
@@ -97,7 +101,7 @@ class WatchedCamera:
 
 def json_encoding(kind: type[Payload]) -> zenoh.Encoding:
     """Encoding of a JSON payload: `application/json;` and the name of its schema."""
-    return zenoh.Encoding.APPLICATION_JSON.with_schema(f"macor.{kind.__name__}")
+    return zenoh.Encoding.APPLICATION_JSON.with_schema(schema_name(CONTROLLER, kind))
 
 
 class _FrameKey:

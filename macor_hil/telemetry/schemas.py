@@ -33,6 +33,13 @@ class Ahead(Payload):
     command: str
 
 
+class Hypothesis(Payload):
+    """A hypothetical sequence of transitions that was weighed."""
+
+    evaluation: float = Field(description="what the planner takes it to be worth")
+    ahead: list[Ahead] = Field(description="its transitions, the next command first")
+
+
 class Odometry(Payload):
     """Where the robot takes itself to be, from its encoders alone."""
 
@@ -51,6 +58,17 @@ class Decision(Payload):
     command: str = Field(description="the command that was driven")
     steps: int = Field(ge=0, description="steps that the wave of activity took")
     sequence_ahead: list[Ahead] = Field(description="the best hypothetical sequence")
+    hypotheses: list[Hypothesis] = Field(
+        description="what was weighed, the best first: each next transition, best continued"
+    )
+    activities: list[float] = Field(
+        description="of every neuron after the wave, 0 to 1; neuron = situation * commands +"
+        " command that led into it; empty for planners without a wave"
+    )
+    features: list[float] = Field(
+        description="what the receptive fields saw, 0 to 1: the channels of the first field, of"
+        " the second, ..."
+    )
     reinforcement: float = Field(description="earned by the command")
     total_reinforcement: float = Field(description="of the run so far")
     collided: bool
@@ -82,3 +100,55 @@ class State(Payload):
     driven: int = Field(ge=0, description="commands driven so far")
     limit: int = Field(ge=0, description="commands after which the run ends")
     reason: str = Field(default="", description="why it has stopped or failed")
+
+
+class Command(Payload):
+    """A motor command: an arc."""
+
+    name: str
+    turn: float = Field(description="radians, left positive")
+    way: float = Field(description="metres")
+
+
+class Fields(Payload):
+    """Receptive fields around the robot: Gaussian profiles over azimuth."""
+
+    sectors: int = Field(
+        ge=1, description="how many, evenly around, clockwise from straight behind"
+    )
+    width: float = Field(gt=0.0, description="standard deviation of a profile, radians")
+    channels: list[str] = Field(description="opponent channels, in the order of the features")
+
+
+class Eye(Payload):
+    """Where the mirror lies in a frame, and what it shows; straight ahead is up."""
+
+    width: int = Field(description="of a frame, pixels")
+    height: int = Field(description="of a frame, pixels")
+    centre_x: float = Field(description="pixels from the left")
+    centre_y: float = Field(description="pixels from the top")
+    inner: float = Field(description="radius of the lowest elevation, pixels")
+    outer: float = Field(description="radius of the highest elevation, pixels")
+    low: float = Field(description="that lowest elevation, radians")
+    high: float = Field(description="that highest elevation, radians")
+
+
+class Learned(Payload):
+    """What a run drives by: the map in numbers, and how to read frames and decisions."""
+
+    situations: int = Field(ge=0, description="visual situations that the map knows")
+    transitions: int = Field(ge=0, description="transitions between neurons that have occurred")
+    commands: list[Command] = Field(description="in the order of neurons")
+    fields: Fields
+    eye: Eye
+
+
+class Link(Payload):
+    """How the serial line to the robot does."""
+
+    time: float = Field(description="seconds on the robot's clock; wall clock for a real robot")
+    exchanges: int = Field(ge=0, description="requests that were answered, so far")
+    failures: int = Field(ge=0, description="requests that were not, so far")
+    recent: int = Field(ge=0, description="requests answered since the last sample")
+    mean: float = Field(ge=0.0, description="of their round trips, seconds; 0 without any")
+    worst: float = Field(ge=0.0, description="of their round trips, seconds")

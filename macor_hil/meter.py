@@ -1,0 +1,53 @@
+"""Counts what passes between a client and its robot, for those who watch the line."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a meter has counted.
+
+    Attributes:
+        exchanges, failures: requests that were answered and that were not, so far.
+        recent: requests answered since the last reading.
+        mean, worst: of their round trips, seconds; 0 without any.
+    """
+
+    exchanges: int
+    failures: int
+    recent: int
+    mean: float
+    worst: float
+
+
+class Meter:
+    """Counts exchanges and times their round trips.
+
+    Attributes:
+        exchanges, failures: requests that were answered and that were not, so far.
+    """
+
+    def __init__(self) -> None:
+        self.exchanges = 0
+        self.failures = 0
+        self._recent = 0
+        self._sum = 0.0
+        self._worst = 0.0
+
+    def answered(self, seconds: float) -> None:
+        """A request was answered after a time."""
+        self.exchanges += 1
+        self._recent += 1
+        self._sum += seconds
+        self._worst = max(self._worst, seconds)
+
+    def failed(self) -> None:
+        """A request was not answered, or not as a Khepera does."""
+        self.failures += 1
+
+    def read(self) -> Reading:
+        """What was counted; what is recent begins anew."""
+        recent, mean = self._recent, self._sum / max(1, self._recent)
+        reading = Reading(self.exchanges, self.failures, recent, mean, self._worst)
+        self._recent, self._sum, self._worst = 0, 0.0, 0.0
+        return reading

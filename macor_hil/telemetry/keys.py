@@ -1,0 +1,60 @@
+"""The controller's Zenoh keys as a table, and all keys together."""
+
+from typing import Final
+
+from macor_hil.telemetry.schemas import Decision, Learned, Link, State
+from protocol.keys import CONTROLLER, EMULATOR_KEYS, Key, json_key
+
+FRAME: Final = "frame"
+DECISION: Final = "decision"
+MAP: Final = "map"
+STATE: Final = "state"
+LINK: Final = "link"
+ALIVE: Final = "alive"
+
+CONTROLLER_KEYS: Final = (
+    Key(
+        CONTROLLER,
+        FRAME,
+        "The mirror image that is decided on.",
+        None,
+        ("image/jpeg",),
+        "before every decision, while someone listens",
+    ),
+    json_key(
+        CONTROLLER,
+        DECISION,
+        "A decision and what came of it.",
+        Decision,
+        "when its command has been driven",
+        "the latest decision",
+    ),
+    json_key(
+        CONTROLLER,
+        MAP,
+        "What the run drives by.",
+        Learned,
+        "when driving begins",
+        "what was published last",
+    ),
+    json_key(
+        CONTROLLER,
+        STATE,
+        "What the controller is doing, with what.",
+        State,
+        "with every change and every decision",
+        "the latest state",
+    ),
+    json_key(
+        CONTROLLER,
+        LINK,
+        "How the serial line to the robot does.",
+        Link,
+        "after every command",
+        "what was published last",
+    ),
+    Key(CONTROLLER, ALIVE, "Liveliness token: there while the controller runs."),
+)
+
+KEYS: Final = EMULATOR_KEYS + CONTROLLER_KEYS
+"""All keys of a robot: the emulator's, then the controller's."""

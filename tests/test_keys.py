@@ -1,0 +1,86 @@
+"""The table of Zenoh keys: what is declared is what is documented."""
+
+import json
+from pathlib import Path
+
+import pytest
+from controller_helpers import a_decision, ask, free_endpoint, publishing, watching
+from emulator_process import emulator
+from typer.testing import CliRunner
+
+from macor_hil.cli import app
+from macor_hil.telemetry.examples import EXAMPLES
+from macor_hil.telemetry.keys import KEYS
+from macor_hil.telemetry.keys_page import keys_page
+from protocol.keys import CONTROLLER, EMULATOR, SCHEMA_MEDIA_TYPE
+from protocol.side_channel import Stamp
+
+PAGE = Path(__file__).parent.parent / "docs" / "keys.md"
+
+
+def test_the_page_is_what_the_tables_say():
+    assert PAGE.read_text("utf-8") == keys_page()
+
+
+def test_the_page_has_every_key_once_and_an_example_of_every_payload():
+    text = keys_page()
+    for key in KEYS:
+        assert text.count(f"| `{key.pattern}` |") == 1
+        for payload in (key.payload, key.request):
+            if payload:
+                assert f"## {payload.__name__}\n" in text
+                assert EXAMPLES[payload]
+
+
+@pytest.mark.parametrize("payload", list(EXAMPLES), ids=lambda kind: kind.__name__)
+def test_examples_keep_their_schemas(payload):
+    text = EXAMPLES[payload].model_dump_json()
+    assert payload.model_validate_json(text) == EXAMPLES[payload]
+    fields = payload.model_json_schema()["properties"]
+    assert set(json.loads(text)) == set(fields)
+
+
+def answering(side):
+    return [key for key in KEYS if key.side == side and key.payload]
+
+
+def test_the_controller_describes_every_json_key():
+    endpoint = free_endpoint()
+    with publishing(endpoint), watching(endpoint) as (session,):
+        for key in answering(CONTROLLER):
+            described(session, key)
+
+
+def test_the_emulator_describes_and_answers_every_json_key():
+    endpoint = free_endpoint()
+    with emulator("--listen", endpoint), watching(endpoint) as (session,):
+        for key in answering(EMULATOR):
+            described(session, key)
+            sample = ask(session, key.pattern.replace("<robot>", "khepera")).ok
+            key.payload.model_validate_json(sample.payload.to_bytes())
+            assert (str(sample.encoding),) == key.encodings
+            assert sample.timestamp is not None
+            assert Stamp.model_validate_json(sample.attachment.to_bytes()).sequence == 0
+
+
+def described(session, key):
+    name = key.pattern.replace("<robot>", "khepera")
+    reply = ask(session, f"{name}?describe").ok
+    assert str(reply.encoding) == SCHEMA_MEDIA_TYPE
+    assert json.loads(reply.payload.to_string()) == key.payload.model_json_schema()
+
+
+def test_the_encodings_of_the_table_are_those_of_the_samples():
+    endpoint = free_endpoint()
+    with publishing(endpoint) as (_, publisher), watching(endpoint) as (session,):
+        publisher.decision(a_decision())
+        sample = ask(session, "macor/khepera/decision").ok
+    (encoding,) = next(key.encodings for key in KEYS if key.leaf == "decision")
+    assert str(sample.encoding) == encoding
+
+
+def test_the_command_prints_the_page_and_schemas():
+    assert CliRunner().invoke(app, ["keys"]).stdout == keys_page()
+    schema = json.loads(CliRunner().invoke(app, ["keys", "decision"]).stdout)
+    assert schema["title"] == "Decision"
+    assert "no key of JSON samples" in str(CliRunner().invoke(app, ["keys", "frame"]).exception)
