@@ -4,12 +4,17 @@ A command is an arc: both wheels get a target (C) and a speed profile (J) scaled
 arrive together. While they turn, the infrared sensors are watched: a body about to touch
 something is stopped, and that is what the controller calls a collision. A target that is not
 reached in time is one, too. Nothing here knows whether the robot is a real one.
+
+The robot turns its wheels only while somebody here looks on: whatever else the controller does,
+it stands. A guard is asked between any two looks, and what it raises ends the drive.
 """
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import radians, sqrt
 
+from macor_hil.errors import RobotResetError, StrayedError
 from macor_hil.robot import Khepera
 from protocol.units import ACCELERATION_UNIT, PULSE, WHEEL_BASE
 
@@ -69,15 +74,32 @@ class Outcome:
 FRONT_SENSORS = slice(0, 6)
 """Infrared sensors that face where the robot can drive to: all but the two at the back."""
 
+Guard = Callable[[], None]
+"""Asked again and again while the robot drives; raises when it must not go on."""
+
 _TRAIL = 64
+_SLACK = 40
+"""Counts that a wheel may be beside its way: 3 mm."""
 
 
 class Driver:
-    """Executes motor commands on a robot, and drives back the way it came."""
+    """Executes motor commands on a robot, and drives back the way it came.
 
-    def __init__(self, robot: Khepera, settings: DriveSettings = DriveSettings()) -> None:
+    Args:
+        robot: the robot.
+        settings: how it is driven.
+        guard: what must hold while it drives.
+    """
+
+    def __init__(
+        self,
+        robot: Khepera,
+        settings: DriveSettings = DriveSettings(),
+        guard: Guard = lambda: None,
+    ) -> None:
         self._robot = robot
         self._settings = settings
+        self._guard = guard
         self._target = (0, 0)
         self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
 
@@ -92,9 +114,11 @@ class Driver:
         """Drive one command to its end, or to a collision.
 
         Raises:
-            RobotError: the robot does not answer.
+            StrayedError: the robot is elsewhere than on the way of this command.
+            RobotError: the robot does not answer, or has been reset.
         """
-        self._trail.append(self._target)
+        begin = self._target
+        self._trail.append(begin)
         settings = self._settings
         half = command.turn * settings.wheel_base / 2
         ways = (command.way - half) / settings.pulse, (command.way + half) / settings.pulse
@@ -103,6 +127,7 @@ class Driver:
         if collided:
             self._robot.stop()
         counters = self._robot.counters()
+        self._check(begin, counters)
         if collided:
             self._target = counters
         return Outcome(collided, proximity, counters)
@@ -138,6 +163,7 @@ class Driver:
         start = robot.clock()
         duration = self._duration(longest)
         while True:
+            self._guard()
             proximity = robot.proximity()
             if watch and max(proximity[FRONT_SENSORS]) >= settings.collision:
                 return proximity, True
@@ -147,8 +173,22 @@ class Driver:
             left, right = robot.status()
             if left.reached and right.reached:
                 return proximity, False
+            if (left.speed_mode and not left.reached) or (right.speed_mode and not right.reached):
+                raise RobotResetError(
+                    f"sent to {target}, and the robot knows nothing of it: it has started again; is"
+                    " its battery low?"
+                )
             if elapsed > duration + settings.patience:
                 return proximity, True
+
+    def _check(self, begin: tuple[int, int], counters: tuple[int, int]) -> None:
+        """Nothing on the line protects a number; the counters tell where it has led."""
+        for first, last, now in zip(begin, self._target, counters, strict=True):
+            if not min(first, last) - _SLACK <= now <= max(first, last) + _SLACK:
+                raise StrayedError(
+                    f"sent from {begin} to {self._target} and got to {counters}: the request did"
+                    " not arrive as it was sent, or the robot was reset"
+                )
 
     def _duration(self, counts: float) -> float:
         """Seconds that the profile needs for a number of counts."""

@@ -1,11 +1,22 @@
 """Errors of the controller.
 
 MacorError
- +-- RobotError     the serial line or the robot on it
- +-- CameraError    no picture, or one that cannot be used
- +-- MapError       a map file that is missing, damaged, or of another version
- +-- BenchError     the emulator's side channel: reset and ground truth
- +-- TelemetryError the Zenoh session: its endpoints, names and payloads
+ +-- RobotError             the serial line or the robot on it
+ |    +-- LinkError           the port failed: a cable, an adapter, a server
+ |    +-- SilenceError        no reply in time, or half of one
+ |    +-- GarbageError        a reply that does not belong to its request
+ |    +-- RobotResetError     the robot has started again and forgotten what it was told
+ |    +-- StrayedError        the robot went elsewhere than it was sent
+ +-- CameraError            no picture, or one that cannot be used
+ |    +-- CameraLostError     none came
+ |    +-- CameraLateError     it came too late
+ |    +-- CameraFrozenError   the same one again
+ |    +-- CameraDarkError     nothing can be seen in it
+ |    +-- WrongPictureError   it has another size or format than it should
+ +-- ProfileError           a robot's profile that is missing, damaged, or of another version
+ +-- MapError               a map file that is missing, damaged, or of another version
+ +-- BenchError             the emulator's side channel: reset and ground truth
+ +-- TelemetryError         the Zenoh session: its endpoints, names and payloads
 """
 
 
@@ -14,11 +25,65 @@ class MacorError(Exception):
 
 
 class RobotError(MacorError):
-    """The robot does not answer, or not as a Khepera."""
+    """The robot does not answer, or not as a Khepera.
+
+    Attributes:
+        sent: bytes of the request, empty where there was none.
+        came: bytes that came back.
+    """
+
+    def __init__(self, message: str, sent: bytes = b"", came: bytes = b"") -> None:
+        super().__init__(message)
+        self.sent = sent
+        self.came = came
+
+
+class LinkError(RobotError):
+    """The serial port cannot be opened, or has failed."""
+
+
+class SilenceError(RobotError):
+    """No whole reply came in time."""
+
+
+class GarbageError(RobotError):
+    """What came is no reply to what was asked."""
+
+
+class RobotResetError(RobotError):
+    """The robot has started again: it stands, and its settings are those of power-on."""
+
+
+class StrayedError(RobotError):
+    """The counters are not where the last command leads: it did not arrive as it was sent."""
 
 
 class CameraError(MacorError):
     """The camera gives no usable picture."""
+
+
+class CameraLostError(CameraError):
+    """No picture came."""
+
+
+class CameraLateError(CameraError):
+    """A picture came too late to say anything of now."""
+
+
+class CameraFrozenError(CameraError):
+    """The camera shows the same picture again and again."""
+
+
+class CameraDarkError(CameraError):
+    """Nothing can be seen in the picture."""
+
+
+class WrongPictureError(CameraError):
+    """The picture has another size or format than the mirror was described for."""
+
+
+class ProfileError(MacorError):
+    """The robot's profile cannot be used."""
 
 
 class MapError(MacorError):

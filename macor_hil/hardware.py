@@ -56,7 +56,9 @@ def open_hardware(
     if camera == "auto":
         camera = "port" if is_embedded(port) else "zenoh"
     with ExitStack() as stack:
-        robot = stack.enter_context(Khepera(open_port(port, baud)))
+        # a robot in this process is gone with its port
+        reopen = None if is_embedded(port) else lambda: open_port(port, baud)
+        robot = stack.enter_context(Khepera(open_port(port, baud), reopen))
         robot.connect()
         eyes = open_camera(camera, port=robot.port, session=session, robot=name)
         stack.callback(eyes.close)

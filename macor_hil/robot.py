@@ -1,33 +1,43 @@
-"""Client of a Khepera on any pySerial port: typed commands over the serial protocol."""
+"""Client of a Khepera on any pySerial port: typed commands over the serial protocol.
 
-import time
+A request that came to nothing is repeated only where carrying it out twice is the same as once:
+questions, and settings that do not depend on what was before. Everything else is an error at
+once. `recover` gets a robot back that was unplugged, switched off or reset.
+"""
+
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Self
+from itertools import count
+from typing import Any, Final, Self
 
-import serial
-
-from macor_hil.errors import RobotError
+from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
+from macor_hil.line import LONGEST_REPLY, Line, open_port
 from macor_hil.meter import Meter
-from protocol.errors import ReplyError
-from protocol.framing import LINE_END
-from protocol.messages import Reply, build_request, parse_reply
-from protocol.units import wire_time
+from protocol.messages import Reply, build_request
 
-LONGEST_REPLY = 64
-"""Characters that the wait for a reply allows for (K with two large errors)."""
+__all__ = ["LONGEST_REPLY", "Khepera", "WheelStatus", "open_port"]
 
-PATIENCE = 0.5
-"""Seconds beyond the wire time that a reply may take."""
+_log = logging.getLogger(__name__)
 
-_QUIET = 0.05
-"""Seconds without a byte after which nothing more is taken to be on its way."""
+REPEATABLE: Final = frozenset("ABCDEFHIJKNO")
+"""Letters of requests that may be sent again: all but those that count on what was before (G
+beside a turning wheel, L that toggles) or that reach beyond the robot (P, R, T, W)."""
 
-_BABBLE = 1.0
-"""Seconds for which bytes that nobody asked for are waited out."""
+SETTINGS: Final = frozenset("AFJ")
+"""Letters of settings that power-on forgets."""
 
-_STOPS = 3
-"""Attempts at having a stop confirmed."""
+_ATTEMPTS: Final = 3
+_STANDING_LIMIT: Final = 0.3
+"""Seconds after a stop within which both wheels must have come to rest."""
+
+_PAUSE: Final = 0.2
+"""Seconds between two attempts at getting a robot back."""
+
+_NEAR_ZERO, _FAR_FROM_ZERO = 40, 80
+"""Counts: a reset wheel has not got farther, and one is told from a reset wheel from here on."""
+
+_STOP = build_request("D", 0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,46 +55,26 @@ class WheelStatus:
     error: int
 
 
-def open_port(url: str, baud: int = 9600) -> Any:
-    """Open a serial port, 8N2, for exclusive use where the system can do that.
-
-    Args:
-        url: a device such as /dev/ttyUSB0, or any pySerial URL, `khepera://` included.
-        baud: rate in bits a second.
-
-    Raises:
-        RobotError: there is no such port, it is in use, or its URL is wrong.
-    """
-    if url.startswith("khepera://"):
-        try:
-            import khepera_emulator  # noqa: F401 - registers the URL scheme
-        except ImportError:
-            raise RobotError(
-                f"{url} needs the emulator, which is not installed; install the extra 'emulator'"
-            ) from None
-    options: dict[str, Any] = {} if "://" in url else {"exclusive": True}
-    try:
-        return serial.serial_for_url(
-            url, baudrate=baud, stopbits=serial.STOPBITS_TWO, timeout=PATIENCE, **options
-        )
-    except (serial.SerialException, OSError, ValueError) as error:
-        raise RobotError(f"cannot open the serial port {url}: {error}") from None
-
-
 class Khepera:
     """A Khepera on an open serial port; use as a context, so that every way out stops it.
 
+    Args:
+        port: an open pySerial port.
+        reopen: opens that port again after it has failed; None: it cannot be.
+
     Attributes:
-        port: the pySerial port.
         clock: seconds on the clock that the port lives by: virtual for `khepera://`, else real.
         meter: counts requests and times their round trips on that clock.
     """
 
-    def __init__(self, port: Any) -> None:
-        self.port = port
+    def __init__(self, port: Any, reopen: Callable[[], Any] | None = None) -> None:
+        self._line = Line(port)
+        self.clock = self._line.clock
         self.meter = Meter()
-        emulated = hasattr(port, "now")
-        self.clock: Callable[[], float] = (lambda: port.now) if emulated else time.monotonic
+        self._reopen = reopen
+        self._broken = False
+        self._settings: dict[str, tuple[int, ...]] = {}
+        self._counters: tuple[int, int] | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -92,34 +82,70 @@ class Khepera:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def port(self) -> Any:
+        """The pySerial port; another one after a reconnection."""
+        return self._line.port
+
     def connect(self) -> tuple[str, ...]:
         """Clear the line and ask for the versions of BIOS and protocol.
 
         Raises:
             RobotError: nothing on the port answers like a Khepera.
         """
-        self._clear_line(LINE_END)
+        self._line.clear()
         return self.request("B").text
 
     def halt(self) -> None:
         """Stop the robot, whatever an interrupted exchange has left on the line.
 
         A first stop goes out at once. When nothing more comes from the robot, a second one is
-        confirmed, so that no reply to an earlier request is taken for the stop's.
+        confirmed, so that no reply to an earlier request is taken for the stop's. Then both
+        wheels are seen to stand: a stop may have been bent on its way.
 
         Raises:
             RobotError: no stop was confirmed.
         """
-        stop = build_request("D", 0, 0).encode()
-        for attempt in range(1, _STOPS + 1):
+        for attempt in range(1, _ATTEMPTS + 1):
             try:
-                self._clear_line(LINE_END + stop)
-                self.stop()
+                self._line.clear(_STOP.encode())
+                self._exchange("D", 0, 0)
+                self._await_rest()
             except RobotError:
-                if attempt == _STOPS:
+                if attempt == _ATTEMPTS:
                     raise
             else:
                 return
+
+    def recover(self, patience: float) -> bool:
+        """Get the robot back: port, line, standstill, and the settings that a reset has lost.
+
+        Args:
+            patience: seconds to go on trying.
+
+        Returns:
+            Whether the robot had been reset: its way since the last `counters` is then unknown,
+            and its counters have been set back to those.
+
+        Raises:
+            RobotError: it did not come back.
+        """
+        deadline = self.clock() + patience
+        for attempt in count(1):
+            try:
+                return self._revive()
+            except RobotError as error:
+                if self.clock() >= deadline:
+                    raise
+                _log.info("not back yet: %s", error)
+                # a connection may be dead without anybody having said so
+                self._broken = isinstance(error, LinkError) or attempt % _ATTEMPTS == 0
+                self._line.pause(_PAUSE)
+        raise AssertionError("unreachable")
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass on the port's clock."""
+        self._line.pause(seconds)
 
     def close(self) -> None:
         """Stop the robot as far as the line still allows, and close the port."""
@@ -128,68 +154,69 @@ class Khepera:
         except RobotError:
             pass  # the line is gone: there is nothing left to say on it
         finally:
-            self.port.close()
+            self._line.close()
 
     def request(self, letter: str, *arguments: int) -> Reply:
-        """Send a request and wait for its reply.
+        """Send a request and wait for its reply; repeat it where that is harmless.
 
         Raises:
             RobotError: no reply in time, a reply of another kind, or a failed port.
         """
-        start = self.clock()
+        for attempt in range(1, _ATTEMPTS + 1):
+            try:
+                return self._exchange(letter, *arguments)
+            except (SilenceError, GarbageError) as error:
+                if letter not in REPEATABLE or attempt == _ATTEMPTS:
+                    raise
+                _log.info("again, after: %s", error)
+                # a move that may have begun unseen is stopped before it begins again
+                self._line.clear(_STOP.encode() if letter == "C" else b"")
+        raise AssertionError("unreachable")
+
+    def _exchange(self, letter: str, *arguments: int) -> Reply:
+        request, start = build_request(letter, *arguments), self.clock()
         try:
-            reply = self._exchange(letter, *arguments)
+            reply = self._line.exchange(request)
         except RobotError:
             self.meter.failed()
             raise
         self.meter.answered(self.clock() - start)
+        if letter in SETTINGS:
+            self._settings[letter] = arguments
         return reply
 
-    def _exchange(self, letter: str, *arguments: int) -> Reply:
-        message = build_request(letter, *arguments)
-        data = message.encode()
-        limit = wire_time(len(data) + LONGEST_REPLY, self.port.baudrate or 9600) + PATIENCE
-        try:
-            self.port.timeout = limit
-            self.port.write(data)
-            line: bytes = self.port.read_until(b"\n", LONGEST_REPLY)
-        except (OSError, serial.SerialException) as error:
-            raise RobotError(
-                f"sent {data!r}, then the serial port failed: {error}; is the cable in and the"
-                " robot on?"
-            ) from None
-        if not line.endswith(b"\n"):
-            got = f"only {line!r}" if line else "nothing"
-            raise RobotError(
-                f"sent {data!r} and got {got} within {limit:.2f} s; is the robot on, and at"
-                f" {self.port.baudrate} baud?"
-            )
-        try:
-            return parse_reply(message, line.rstrip(b"\r\n"))
-        except ReplyError as error:
-            raise RobotError(f"unexpected reply: {error}") from None
+    def _await_rest(self) -> None:
+        start = self.clock()
+        while any(speed := self._exchange("E").values):
+            if self.clock() - start > _STANDING_LIMIT:
+                raise GarbageError(f"stopped, and the wheels still turn: {speed} counts / 10 ms")
 
-    def _clear_line(self, data: bytes) -> None:
-        """Send bytes that begin by ending a half-sent request; drop what comes until it is quiet.
+    def _revive(self) -> bool:
+        if self._broken and self._reopen is not None:
+            self._line.close()
+            reset_seen = self._line.reset_seen
+            self._line = Line(self._reopen())
+            self._line.reset_seen = reset_seen
+            self.clock = self._line.clock
+            self._broken = False
+        self.halt()
+        left, right = self._exchange("H").values
+        reset = self._line.reset_seen or self._looks_reset(left, right)
+        if reset:
+            for letter, values in self._settings.items():
+                self._exchange(letter, *values)
+            if self._counters is not None:
+                self.set_counters(*self._counters)
+        self._line.reset_seen = False
+        return reset
 
-        Raises:
-            RobotError: the port failed, or what is on it never pauses.
-        """
-        came = b""
-        try:
-            self.port.write(data)
-            self.port.timeout = _QUIET
-            start = self.clock()
-            while came := self.port.read_until(b"\n", LONGEST_REPLY):
-                if self.clock() - start > _BABBLE:
-                    break
-        except (OSError, serial.SerialException) as error:
-            raise RobotError(f"sent {data!r}, then the serial port failed: {error}") from None
-        if came:
-            raise RobotError(
-                f"sent {data!r}, and bytes have not stopped coming for {_BABBLE} s, the last ones"
-                f" {came!r}; is this a Khepera's port, at {self.port.baudrate} baud?"
-            )
+    def _looks_reset(self, left: int, right: int) -> bool:
+        """Whether counters tell of a reset whose banner nobody heard."""
+        if self._counters is None:
+            return False
+        return max(abs(left), abs(right)) < _NEAR_ZERO and (
+            max(map(abs, self._counters)) > _FAR_FROM_ZERO
+        )
 
     def set_speed(self, left: int, right: int) -> None:
         """Hold wheel speeds, counts / 10 ms."""
@@ -208,12 +235,23 @@ class Khepera:
         self.request("J", *left, *right)
 
     def set_counters(self, left: int, right: int) -> None:
-        """Set the encoder counters."""
-        self.request("G", left, right)
+        """Set the encoder counters of a robot that stands.
+
+        Where no reply comes, the counters themselves say whether it was done.
+        """
+        try:
+            self._exchange("G", left, right)
+        except (SilenceError, GarbageError):
+            self._line.clear()
+            now = self.counters()
+            if now != (left, right):
+                self._exchange("G", left, right)
+        self._counters = left, right
 
     def counters(self) -> tuple[int, int]:
         """The encoder counters, left and right."""
         left, right = self.request("H").values
+        self._counters = left, right
         return left, right
 
     def status(self) -> tuple[WheelStatus, WheelStatus]:

@@ -3,24 +3,34 @@
 import pytest
 import serial
 
-from macor_hil.errors import RobotError
-from macor_hil.robot import LONGEST_REPLY, Khepera, open_port
+from macor_hil.errors import LinkError, RobotError, RobotResetError, SilenceError
+from macor_hil.line import LONGEST_REPLY, PATIENCE, longest_reply, open_port, time_limit
+from macor_hil.robot import Khepera
+from protocol.messages import build_request
 
 STOPPED = b"d\r\n"
+RESTING = b"e,0,0\r\n"
+BANNER = (
+    b"ROM of minirobot KHEPERA, Edoardo Franzi K-Team S.A. October 22, 1998 Rev. 5.01\r\n"
+    b"Serial Communication Protocol\r\n"
+)
+CLEARING = b"?\r\n"
 PROXIMITY = b"n,1,2,3,4,5,6,7,8\r\n"
 
 
 class ScriptedPort:
     """Answers request lines from a table; what has been written is in `written`.
 
-    A reply may be an exception, which the next read raises. A read that finds no line end gives
-    what there is, as after a time-out.
+    A reply may be an exception, which the next read raises, or a list: one reply after the other.
+    A read that finds no line end gives what there is once its time-out has passed.
     """
 
     def __init__(self, replies=None, pending=b""):
-        self.replies = {b"D,0,0": STOPPED, **(replies or {})}
+        self.replies = {b"D,0,0": STOPPED, b"E": RESTING, **(replies or {})}
         self.pending = pending
         self.written = b""
+        self.requests = []
+        self.now = 0.0
         self.baudrate = 9600
         self.timeout = None
         self.closed = False
@@ -34,7 +44,10 @@ class ScriptedPort:
         self.written += data
         *lines, self._line = (self._line + data).replace(b"\r", b"").split(b"\n")
         for line in filter(None, lines):
+            self.requests.append(line)
             reply = self.replies.get(line, b"")
+            if isinstance(reply, list):
+                reply = reply.pop(0) if reply else b""
             if isinstance(reply, Exception):
                 self.read_error = reply
             else:
@@ -46,8 +59,15 @@ class ScriptedPort:
             raise self.read_error
         end = self.pending.find(expected) + len(expected)
         count = end if end >= len(expected) else len(self.pending)
+        if end < len(expected):
+            self.now += self.timeout
         count = count if size is None else min(count, size)
         data, self.pending = self.pending[:count], self.pending[count:]
+        return data
+
+    def read(self, size=1):
+        self.now += self.timeout
+        data, self.pending = self.pending[:size], self.pending[size:]
         return data
 
     def close(self):
@@ -57,15 +77,13 @@ class ScriptedPort:
 class BabblingPort(ScriptedPort):
     """Never stops sending; each read takes a tenth of a second of its own clock."""
 
-    now = 0.0
-
     def read_until(self, _=b"\n", size=None):
         self.now += 0.1
         return b"\xfe" * (size or 1)
 
 
 FAILURES = {
-    "silence": (b"", ["nothing", "0.58 s", "robot on", "9600 baud"]),
+    "silence": (b"", ["nothing", "0.30 s", "robot on", "9600 baud"]),
     "half a line": (b"n,1,2,3", ["only b'n,1,2,3'"]),
     "another letter": (b"h,1,2\r\n", [r"b'h,1,2'", "another reply"]),
     "refusal": (b"z,Protocol error\r\n", ["b'z,Protocol error'", "refused"]),
@@ -132,7 +150,7 @@ def test_connecting_ends_what_was_half_sent_and_drops_what_was_left():
     port = ScriptedPort({b"B": b"b,5.01,5.00\r\n"}, pending=b"n,1,2\r\nh,3")
     port._line = b"D,5"  # left half-sent by a client before
     assert Khepera(port).connect() == ("5.01", "5.00")
-    assert port.written == b"\r\nB\n"
+    assert port.requests == [b"D,5?", b"B"]
 
 
 def test_connecting_to_what_never_pauses_ends_with_an_error():
@@ -143,23 +161,34 @@ def test_connecting_to_what_never_pauses_ends_with_an_error():
 def test_halt_stops_at_once_and_is_confirmed_past_replies_that_were_still_coming():
     port = ScriptedPort(pending=PROXIMITY)
     Khepera(port).halt()
-    assert port.written == b"\r\nD,0,0\nD,0,0\n"
+    assert port.written == CLEARING + b"D,0,0\nD,0,0\nE\n"
     assert port.pending == b""
 
 
 def test_halt_tries_again_when_a_late_reply_is_in_the_way():
-    port = ScriptedPort()
-    replies = iter([b"", PROXIMITY, STOPPED, STOPPED])
-    port.replies = {b"D,0,0": b""}
-    write = port.write
-
-    def late(data):
-        port.replies[b"D,0,0"] = next(replies)
-        return write(data)
-
-    port.write = late
+    port = ScriptedPort({b"D,0,0": [b"", PROXIMITY, STOPPED, STOPPED]})
     Khepera(port).halt()
     assert port.written.count(b"D,0,0\n") == 4
+
+
+def test_halt_says_so_when_the_wheels_go_on_turning():
+    port = ScriptedPort({b"E": b"e,0,7\r\n"})
+    read = port.read_until
+
+    def slow_read(*arguments):
+        port.now += 0.01
+        return read(*arguments)
+
+    port.read_until = slow_read
+    with pytest.raises(RobotError, match=r"the wheels still turn: \(0, 7\)"):
+        Khepera(port).halt()
+
+
+def test_halt_waits_until_the_wheels_have_come_to_rest():
+    port = ScriptedPort({b"E": [b"e,9,9\r\n", b"e,3,2\r\n", RESTING]})
+    Khepera(port).halt()
+    assert port.requests.count(b"E") == 3
+    assert port.requests.count(b"D,0,0") == 2
 
 
 def test_halt_says_so_when_no_stop_is_confirmed():
@@ -171,7 +200,7 @@ def test_leaving_the_context_stops_the_robot_and_closes_the_port():
     port = ScriptedPort()
     with pytest.raises(ZeroDivisionError), Khepera(port):
         raise ZeroDivisionError
-    assert port.written.endswith(b"D,0,0\n")
+    assert port.requests[-2:] == [b"D,0,0", b"E"]
     assert port.closed
 
 
@@ -190,3 +219,118 @@ def test_a_port_that_cannot_be_opened_is_named(url):
     with pytest.raises(RobotError) as failure:
         open_port(url)
     assert url in str(failure.value)
+
+
+def test_a_question_without_an_answer_is_asked_again_past_a_late_reply():
+    port = ScriptedPort({b"N": [b"", PROXIMITY]})
+    assert Khepera(port).proximity() == (1, 2, 3, 4, 5, 6, 7, 8)
+    assert port.requests == [b"N", b"?", b"N"]
+
+
+def test_a_question_is_asked_three_times_and_not_more():
+    port = ScriptedPort()
+    with pytest.raises(SilenceError) as failure:
+        Khepera(port).counters()
+    assert port.requests.count(b"H") == 3
+    assert (failure.value.sent, failure.value.came) == (b"H\n", b"")
+
+
+@pytest.mark.parametrize(("letter", "arguments"), [("L", (0, 2)), ("P", (9, 9)), ("G", (0, 0))])
+def test_what_may_do_harm_twice_is_sent_once(letter, arguments):
+    port = ScriptedPort()
+    with pytest.raises(SilenceError):
+        Khepera(port).request(letter, *arguments)
+    assert len(port.requests) == 1
+
+
+def test_a_move_is_stopped_before_it_is_sent_again():
+    port = ScriptedPort({b"C,5,6": [b"", b"c\r\n"]})
+    Khepera(port).go_to(5, 6)
+    assert port.requests == [b"C,5,6", b"?", b"D,0,0", b"C,5,6"]
+
+
+@pytest.mark.parametrize(("counters", "sets"), [(b"h,7,8\r\n", 1), (b"h,0,1\r\n", 2)])
+def test_counters_whose_setting_was_not_confirmed_are_read(counters, sets):
+    port = ScriptedPort({b"G,7,8": [b"", b"g\r\n"], b"H": counters})
+    Khepera(port).set_counters(7, 8)
+    assert port.requests.count(b"G,7,8") == sets
+
+
+def test_a_banner_in_place_of_a_reply_is_a_reset():
+    port = ScriptedPort({b"N": BANNER})
+    with pytest.raises(RobotResetError, match=r"sent b'N\\n' and got b'ROM of.*started again") as e:
+        Khepera(port).proximity()
+    assert e.value.came.startswith(b"ROM of minirobot")
+    assert port.requests == [b"N"]
+
+
+def test_a_robot_that_was_reset_gets_its_settings_and_counters_back():
+    accepted = {b"J,20,64,10,32": b"j\r\n", b"G,500,600": b"g\r\n"}
+    port = ScriptedPort({b"H": b"h,500,600\r\n", b"N": BANNER, **accepted})
+    robot = Khepera(port)
+    robot.set_profile((20, 64), (10, 32))
+    robot.counters()
+    with pytest.raises(RobotResetError):
+        robot.proximity()
+    port.requests.clear()
+    assert robot.recover(0.0)
+    assert port.requests[-2:] == [b"J,20,64,10,32", b"G,500,600"]
+    assert not robot.recover(0.0)
+
+
+def test_a_reset_that_nobody_heard_is_seen_by_the_counters():
+    replies = {b"H": [b"h,500,600\r\n", b"h,2,-3\r\n"], b"G,500,600": b"g\r\n"}
+    robot = Khepera(ScriptedPort(replies))
+    robot.counters()
+    assert robot.recover(0.0)
+
+
+def test_a_robot_that_only_fell_silent_keeps_what_it_has():
+    port = ScriptedPort({b"H": [b"h,500,600\r\n", b"h,640,700\r\n"]})
+    robot = Khepera(port)
+    robot.counters()
+    assert not robot.recover(0.0)
+    assert b"G,500,600" not in port.requests
+
+
+def test_a_port_that_failed_is_opened_again_until_it_answers():
+    dead, unplugged, alive = ScriptedPort(), ScriptedPort(), ScriptedPort({b"H": b"h,1,2\r\n"})
+    for port in (dead, unplugged):
+        port.write_error = OSError(5, "Input/output error")
+    opened = iter([LinkError("no such device"), unplugged, alive])
+
+    def reopen():
+        port = next(opened)
+        if isinstance(port, Exception):
+            raise port
+        return port
+
+    robot = Khepera(dead, reopen)
+    with pytest.raises(LinkError):
+        robot.counters()
+    assert not robot.recover(5.0)
+    assert robot.port is alive
+    assert dead.closed
+    assert unplugged.closed
+    assert robot.counters() == (1, 2)
+
+
+def test_a_robot_that_does_not_come_back_is_given_up_in_time():
+    port = ScriptedPort({b"D,0,0": b""})
+    with pytest.raises(SilenceError):
+        Khepera(port).recover(2.0)
+    assert 2.0 < port.now < 5.0
+
+
+@pytest.mark.parametrize(
+    ("letter", "characters"),
+    [("D", 3), ("N", 43), ("H", 27), ("B", 13), ("K", 35), ("I", 8), ("T", LONGEST_REPLY)],
+)
+def test_the_longest_reply_comes_from_the_table(letter, characters):
+    assert longest_reply(letter) == characters
+
+
+def test_the_time_limit_grows_as_the_line_slows():
+    fast, slow = (time_limit(build_request("N"), baud) for baud in (38400, 9600))
+    assert slow - PATIENCE == pytest.approx(45 * 11 / 9600)
+    assert slow - PATIENCE == pytest.approx(4 * (fast - PATIENCE))

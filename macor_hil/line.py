@@ -1,0 +1,210 @@
+"""A serial line to a Khepera: bytes out, a reply in, within a time that the wire sets.
+
+Nothing here waits without a limit, whatever is at the other end.
+"""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from typing import Any, Final
+
+import serial
+
+from macor_hil.errors import (
+    GarbageError,
+    LinkError,
+    RobotError,
+    RobotResetError,
+    SilenceError,
+)
+from protocol.commands import COMMANDS
+from protocol.errors import ReplyError
+from protocol.framing import LINE_END
+from protocol.messages import Reply, Request, parse_reply
+from protocol.units import wire_time
+
+LONGEST_REPLY: Final = 64
+"""Characters of a line after which its end is not waited for: that of K has 35 at most."""
+
+PATIENCE: Final = 0.25
+"""Seconds beyond the wire time that a reply may take: the interpreter, an adapter that gathers
+bytes for 16 ms, and a busy computer."""
+
+QUIET: Final = 0.05
+"""Seconds without a byte after which nothing more is taken to be on its way."""
+
+BANNER: Final = (b"ROM of minirobot", b"Serial Communication Protocol")
+"""How the lines begin that a Khepera says when it starts."""
+
+_BABBLE: Final = 1.0
+"""Seconds for which bytes that nobody asked for are waited out."""
+
+_WRITE_LIMIT: Final = 0.5
+
+_SPOILER: Final = b"?"
+"""Makes nonsense of a request whose end was lost: half a number must not be driven to."""
+
+
+def open_port(url: str, baud: int = 9600) -> Any:
+    """Open a serial port, 8N2, for exclusive use where the system can do that.
+
+    Args:
+        url: a device such as /dev/ttyUSB0, or any pySerial URL, `khepera://` included.
+        baud: rate in bits a second.
+
+    Raises:
+        LinkError: there is no such port, it is in use, or its URL is wrong.
+    """
+    if url.startswith("khepera://"):
+        try:
+            import khepera_emulator  # noqa: F401 - registers the URL scheme
+        except ImportError:
+            raise LinkError(
+                f"{url} needs the emulator, which is not installed; install the extra 'emulator'"
+            ) from None
+    options: dict[str, Any] = {} if "://" in url else {"exclusive": True}
+    if not url.startswith("rfc2217://"):  # which has a limit of its own
+        options["write_timeout"] = _WRITE_LIMIT
+    try:
+        return serial.serial_for_url(
+            url, baudrate=baud, stopbits=serial.STOPBITS_TWO, timeout=QUIET, **options
+        )
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise LinkError(f"cannot open the serial port {url}: {error}") from None
+
+
+class Line:
+    """Requests and replies over an open port.
+
+    Attributes:
+        port: the pySerial port.
+        clock: seconds on the clock that the port lives by: virtual for `khepera://`, else real.
+        reset_seen: whether a robot's banner has come since this was last set to False.
+    """
+
+    def __init__(self, port: Any) -> None:
+        self.port = port
+        self.emulated = hasattr(port, "now")
+        self.clock: Callable[[], float] = (lambda: port.now) if self.emulated else time.monotonic
+        self.reset_seen = False
+        # one time-out for good: to change it costs a remote port a negotiation
+        if port.timeout != QUIET:
+            port.timeout = QUIET
+
+    def exchange(self, request: Request) -> Reply:
+        """Send a request and wait for its reply.
+
+        Raises:
+            SilenceError: no whole line came within `time_limit`.
+            GarbageError: a reply of another kind.
+            RobotResetError: the robot's banner came instead.
+            LinkError: the port failed.
+        """
+        data = request.encode()
+        limit = time_limit(request, self._baud)
+        line = self._guarded(data, lambda: self._ask(data, limit))
+        if line.startswith(BANNER):
+            self.reset_seen = True
+            raise RobotResetError(
+                f"sent {data!r} and got {line!r}: the robot has started again; is its battery low?",
+                data,
+                line,
+            )
+        if not line.endswith(b"\n"):
+            got = f"only {line!r}" if line else "nothing"
+            raise SilenceError(
+                f"sent {data!r} and got {got} within {limit:.2f} s; is the robot on, and at"
+                f" {self._baud} baud?",
+                data,
+                line,
+            )
+        try:
+            return parse_reply(request, line.rstrip(b"\r\n"))
+        except ReplyError as error:
+            raise GarbageError(f"unexpected reply: {error}", data, line) from None
+
+    def clear(self, data: bytes = b"") -> None:
+        """Spoil a half-sent request, send bytes, and drop what comes until it is quiet.
+
+        Raises:
+            LinkError: the port failed.
+            GarbageError: what is on it never pauses.
+        """
+        data = _SPOILER + LINE_END + data
+        last = self._guarded(data, lambda: self._drain(data))
+        if last:
+            raise GarbageError(
+                f"sent {data!r}, and bytes have not stopped coming for {_BABBLE} s, the last ones"
+                f" {last!r}; is this a Khepera's port, at {self._baud} baud?",
+                data,
+                last,
+            )
+
+    def pause(self, seconds: float) -> None:
+        """Let time pass on the port's clock; what comes meanwhile is dropped."""
+        end = self.clock() + seconds
+        while self.emulated and self.clock() < end:
+            self.port.read()
+        if not self.emulated:
+            time.sleep(seconds)
+
+    def close(self) -> None:
+        """Close the port, as far as it still can be."""
+        with suppress(OSError, serial.SerialException):  # a device that has gone
+            self.port.close()
+
+    @property
+    def _baud(self) -> int:
+        return int(self.port.baudrate or 9600)
+
+    def _ask(self, data: bytes, limit: float) -> bytes:
+        self.port.write(data)
+        start = self.clock()
+        line = bytearray()
+        while True:
+            line += self.port.read_until(b"\n", LONGEST_REPLY - len(line))
+            ended = line.endswith(b"\n") or len(line) >= LONGEST_REPLY
+            if ended or self.clock() - start >= limit:
+                return bytes(line)
+
+    def _drain(self, data: bytes) -> bytes:
+        self.port.write(data)
+        start = self.clock()
+        last = b""
+        while came := self.port.read_until(b"\n", LONGEST_REPLY):
+            last = bytes(came)
+            self.reset_seen = self.reset_seen or last.startswith(BANNER)
+            if self.clock() - start > _BABBLE:
+                return last
+        return b""
+
+    @staticmethod
+    def _guarded(data: bytes, act: Callable[[], bytes]) -> bytes:
+        try:
+            return act()
+        except RobotError:
+            raise
+        except (OSError, serial.SerialException) as error:
+            raise LinkError(
+                f"sent {data!r}, then the serial port failed: {error}; is the cable in and the"
+                " robot on?",
+                data,
+            ) from None
+
+
+def time_limit(request: Request, baud: int) -> float:
+    """Seconds within which the reply to a request must have come, from its first byte sent."""
+    return wire_time(len(request.encode()) + longest_reply(request.letter), baud) + PATIENCE
+
+
+@cache
+def longest_reply(letter: str) -> int:
+    """Characters of the longest reply to a command, its line end included."""
+    command = COMMANDS[letter]
+    if command.open_ended:
+        return LONGEST_REPLY
+    if command.reply_is_text:
+        return 1 + len(",0.00") * len(command.reply) + len(LINE_END)
+    widths = (1 + max(len(str(f.low)), len(str(f.high))) for f in command.reply)
+    return 1 + sum(widths) + len(LINE_END)
