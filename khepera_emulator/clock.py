@@ -10,7 +10,7 @@ GRID: Final = 2.0**-30
 
 def on_grid(seconds: float) -> float:
     """The nearest multiple of `GRID`."""
-    return float(round(seconds / GRID)) * GRID
+    return round(seconds / GRID) * GRID
 
 
 class Clock:

@@ -9,7 +9,7 @@ exact for 97 days, so that what happens after a moment does not depend on when t
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 from khepera_emulator import line_coding
@@ -79,20 +79,25 @@ class Uart:
         """Bytes that the client puts on the line now; they arrive one after the other."""
         start = max(self._receiver_free, now)
         if self._is_plain():
+            each = self._each
             for byte in data:
-                start += self._each
+                start += each
                 self._receiving.append((start, byte))
             self._receiver_free = start
             return
         items, self._receiver_free = self._pass(Direction.REQUEST, data, start)
         self._receiving.extend(items)
 
-    def requests(self, until: float) -> Iterator[tuple[float, bytes]]:
+    def requests(self, until: float) -> Iterable[tuple[float, bytes]]:
         """Requests that the robot carries out by a time, with the times of their execution.
 
         A fault that resets the robot comes as the request to start again.
         """
-        return self._disturbed(until) if self.faults else self._carried_out(until)
+        if self.faults:
+            return self._disturbed(until)
+        if not (self._receiving or self._held):
+            return ()  # a silent line, as it is most of the time
+        return self._carried_out(until)
 
     def _disturbed(self, until: float) -> Iterator[tuple[float, bytes]]:
         while (moment := self.faults.next_moment()) is not None and moment <= until:
@@ -101,16 +106,23 @@ class Uart:
         yield from self._carried_out(until)
 
     def _carried_out(self, until: float) -> Iterator[tuple[float, bytes]]:
-        while self._receiving and self._receiving[0][0] <= until:
-            arriving = self._receiving.popleft()
-            if self._held:
-                yield from self._interpret(arriving[0])
-            if len(self._held) < RECEIVE_LIMIT:
-                self._held.append(arriving)
+        receiving, held = self._receiving, self._held
+        while receiving and receiving[0][0] <= until:
+            arrival, byte = receiving.popleft()
+            if held:
+                yield from self._interpret(arrival)
+            if not held and self._interpreter_free <= arrival:
+                # an idle interpreter takes it at once
+                line = self._take(arrival, byte)
+                if line is not None:
+                    yield arrival, line
+            elif len(held) < RECEIVE_LIMIT:
+                held.append((arrival, byte))
             else:
                 self.lost += 1
                 self._take_orphan()
-        yield from self._interpret(until)
+        if held:
+            yield from self._interpret(until)
 
     def send(self, data: bytes, executed: float) -> None:
         """A reply to the latest request, executed at a time: queue it behind earlier ones."""
@@ -124,9 +136,13 @@ class Uart:
         if limit is not None and limit < count:
             count = max(limit, 0)
         out = bytes(self._sending[:count])
-        del self._sending[:count]
-        for _ in range(count):
-            self._due.popleft()
+        if count == len(self._due):
+            self._sending.clear()
+            self._due.clear()
+        else:
+            del self._sending[:count]
+            for _ in range(count):
+                self._due.popleft()
         return out
 
     def arrived(self, now: float) -> int:
@@ -211,11 +227,10 @@ class Uart:
             return
         due = max(self._sender_free, start)
         if self._is_plain():
-            for _ in data:
-                due += self._each
-                self._due.append(due)
+            each = self._each
+            self._due.extend([due + each * count for count in range(1, len(data) + 1)])
             self._sending += data
-            self._sender_free = due
+            self._sender_free = due + each * len(data)
             return
         items, self._sender_free = self._pass(Direction.REPLY, data, due)
         self._due.extend(when for when, _ in items)
@@ -279,19 +294,26 @@ class Uart:
         # a busy interpreter leaves the bytes in the receive buffer
         while self._held and self._interpreter_free <= until:
             arrival, byte = self._held.popleft()
-            orphan = self._take_orphan()
-            line = self._splitter.push(byte)
+            start = max(arrival, self._interpreter_free)
+            line = self._take(start, byte)
             if line is not None:
-                start = max(arrival, self._interpreter_free)
-                self._interpreter_free = start + self._busy
-                self._unheard = orphan
-                if self.faults and self.faults.on_request(start):
-                    self._reset(start)
-                    line = _RESTART
                 yield start, line
+
+    def _take(self, start: float, byte: int) -> bytes | None:
+        """The interpreter takes a byte in; returns the request that it completes."""
+        orphan = self._take_orphan()
+        line = self._splitter.push(byte)
+        if line is not None:
+            self._interpreter_free = start + self._busy
+            self._unheard = orphan
+            if self.faults and self.faults.on_request(start):
+                self._reset(start)
+                return _RESTART
+        return line
 
     def _take_orphan(self) -> bool:
         """Count a byte off; returns whether it is of a client that has left."""
-        orphan = self._orphans > 0
-        self._orphans -= orphan
-        return orphan
+        if not self._orphans:
+            return False
+        self._orphans -= 1
+        return True

@@ -2,6 +2,8 @@
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 from typing import Final
 
 from protocol.commands import COMMANDS, TOOLS, Beyond, Command, Field
@@ -19,6 +21,20 @@ TURRET_NOT_SUPPORTED: Final = "z,Turret order not supported"
 
 _NUMBER = re.compile(r" *(-?[0-9]{1,10}) *", re.ASCII)
 _VERSION = re.compile(r"[0-9]\.[0-9]{2}", re.ASCII)
+
+_INTEGER_REPLIES: Final = MappingProxyType(
+    {
+        letter: re.compile(
+            b"%b(?:, *-?[0-9]{1,10} *){%d}" % (letter.lower().encode(), len(row.reply))
+        )
+        for letter, row in COMMANDS.items()
+        if not (row.open_ended or row.reply_is_text)
+    }
+)
+"""What the whole of a good reply looks like, where all its values are integers."""
+
+_REMEMBERED: Final = 512
+"""Different requests whose meaning is remembered: a program sends the same ones again and again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +93,7 @@ def encode_line(text: str) -> bytes:
     return text.encode("ascii") + LINE_END
 
 
+@lru_cache(_REMEMBERED, typed=True)
 def build_request(letter: str, *arguments: int, rest: tuple[str, ...] = ()) -> Request:
     """A request checked against the table.
 
@@ -100,6 +117,7 @@ def build_request(letter: str, *arguments: int, rest: tuple[str, ...] = ()) -> R
     return Request(letter, arguments, rest)
 
 
+@lru_cache(_REMEMBERED, typed=True)
 def parse_request(
     line: bytes, *, reject_beyond: bool = False, ignore_extra: bool = True
 ) -> Request | ToolCall:
@@ -165,6 +183,15 @@ def parse_reply(request: Request, line: bytes) -> Reply:
     Raises:
         ReplyError: another letter, an error reply, a wrong number of values, or no integers.
     """
+    pattern = _INTEGER_REPLIES.get(request.letter)
+    if pattern is not None and pattern.fullmatch(line):
+        # nearly every reply: nothing is left to check
+        return Reply(request.letter.lower(), tuple(map(int, line.split(b",")[1:])))
+    return _parse_by_table(request, line)
+
+
+def _parse_by_table(request: Request, line: bytes) -> Reply:
+    """Read any reply, or say what is wrong with it."""
 
     def error(reason: str) -> ReplyError:
         return ReplyError(request.encode(), line, reason)

@@ -10,6 +10,7 @@ from protocol.messages import (
     Reply,
     Request,
     ToolCall,
+    _parse_by_table,
     build_request,
     encode_line,
     parse_reply,
@@ -229,6 +230,25 @@ def test_garbage_is_a_reply_or_a_reply_error(request, line):
     except ReplyError:
         return
     assert reply.letter == request.letter.lower()
+
+
+@given(requests(), st.data())
+def test_the_short_way_to_read_a_reply_is_the_table_s(request, data):
+    """Good replies, and ones with a character changed."""
+    command = request.command
+    words = [str(data.draw(st.integers(field.low, field.high))) for field in command.reply]
+    good = ",".join([command.letter.lower(), *words])
+    place = data.draw(st.integers(0, len(good)))
+    bent = good[:place] + data.draw(st.text("0123456789,-+ hnz", max_size=2)) + good[place + 1 :]
+    for line in (good.encode(), bent.encode()):
+        assert _outcome(parse_reply, request, line) == _outcome(_parse_by_table, request, line)
+
+
+def _outcome(parse, request, line):
+    try:
+        return parse(request, line)
+    except ReplyError as error:
+        return str(error)
 
 
 @given(requests().filter(lambda request: request.arguments and request.letter != "T"), st.data())

@@ -203,7 +203,8 @@ class Serial(SerialBase):
             return
         uart = self.emulator.uart
         if self._rate == "auto":
-            uart.baud = self.baudrate
+            if uart.baud != self.baudrate:
+                uart.baud = self.baudrate
         else:
             uart.client = LineFormat(self.baudrate, self.bytesize, self.parity, self.stopbits)
 
