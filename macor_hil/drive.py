@@ -82,6 +82,11 @@ _SLACK = 40
 """Counts that a wheel may be beside its way: 3 mm."""
 
 
+def is_touching(proximity: tuple[int, ...], settings: DriveSettings) -> bool:
+    """Whether infrared readings say that the body is about to touch something it can drive into."""
+    return max(proximity[FRONT_SENSORS]) >= settings.collision
+
+
 class Driver:
     """Executes motor commands on a robot, and drives back the way it came.
 
@@ -165,7 +170,7 @@ class Driver:
         while True:
             self._guard()
             proximity = robot.proximity()
-            if watch and max(proximity[FRONT_SENSORS]) >= settings.collision:
+            if watch and is_touching(proximity, settings):
                 return proximity, True
             elapsed = robot.clock() - start
             if elapsed < duration:

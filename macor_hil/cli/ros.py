@@ -1,0 +1,28 @@
+"""The command that shows a controller to ROS 2."""
+
+from typing import Annotated
+
+import typer
+
+from macor_hil.cli.options import ConnectOption, RobotOption
+from macor_hil.errors import MacorError
+from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+
+app = typer.Typer()
+
+
+@app.command(epilog="[cyan]macor-hil ros2 --domain 7 --connect tcp/127.0.0.1:7448[/cyan]")
+def ros2(
+    robot: RobotOption = "khepera",
+    connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
+    domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", help="ROS domain.")] = 0,
+) -> None:
+    """Publish what a controller tells as ROS 2 topics, for nodes with the Zenoh middleware.
+
+    Pictures, odometry and commands; connect it to the controller, and to the nodes' router.
+    """
+    try:
+        from macor_hil.ros2.bridge import bridge
+    except ImportError as error:
+        raise MacorError(f"{error.name} is not installed; install the extra 'ros'") from None
+    bridge(robot, connect, domain)

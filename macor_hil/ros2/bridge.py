@@ -1,0 +1,130 @@
+"""The bridge: a subscriber of a controller that is a ROS 2 node on its other side.
+
+It is a process of its own, so that nothing of it is in the controller's loop. Zenoh calls back in
+threads of its own; they only put what came on a queue.
+"""
+
+import logging
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from queue import SimpleQueue
+from typing import Final, Self
+
+import zenoh
+from pydantic import ValidationError
+
+from macor_hil.errors import TelemetryError
+from macor_hil.ros2 import messages
+from macor_hil.ros2.wire import LAST_DOMAIN, Node, Topic, attachment, gid, namespace_of
+from macor_hil.telemetry.keys import DECISION, FRAME
+from macor_hil.telemetry.schemas import Decision
+from macor_hil.telemetry.session import check_robot_name, open_session
+from protocol.side_channel import controller_key
+
+NODE: Final = "macor"
+"""Name of the ROS node."""
+
+_log = logging.getLogger(__name__)
+
+
+def bridge(robot: str, connect: Sequence[str], domain: int = 0) -> None:
+    """Publish what a controller tells as ROS 2 topics, until Ctrl-C; it may come and go.
+
+    Args:
+        robot: the robot's name in Zenoh keys; also the namespace of the topics.
+        connect: Zenoh endpoints of the controller, and of the ROS nodes or their router.
+        domain: ROS_DOMAIN_ID, 0 to 232.
+
+    Raises:
+        TelemetryError: the name, the domain or an endpoint cannot be used.
+    """
+    with open_session([], connect) as session, Bridge(session, robot, domain) as running:
+        try:
+            while True:
+                running.forward()
+        except KeyboardInterrupt:
+            pass  # the way to end it
+
+
+class Bridge:
+    """Forwards one robot's samples to ROS 2; use as a context.
+
+    Args:
+        session: an open session, which stays its owner's.
+        robot: its name in the keys of its controller.
+        domain: ROS_DOMAIN_ID.
+
+    Raises:
+        TelemetryError: the name cannot be part of a key, or there is no such domain.
+    """
+
+    def __init__(self, session: zenoh.Session, robot: str, domain: int = 0) -> None:
+        check_robot_name(robot)
+        if not 0 <= domain <= LAST_DOMAIN:
+            raise TelemetryError(f"{domain} is no ROS domain; there are 0 to {LAST_DOMAIN}")
+        namespace = namespace_of(robot)
+        node = Node(domain, str(session.zid()), namespace, NODE)
+        self._samples: SimpleQueue[zenoh.Sample] = SimpleQueue()
+        self._last: Decision | None = None
+        with ExitStack() as stack:
+            stack.enter_context(session.liveliness().declare_token(node.token()))
+            topics = messages.image_topic, messages.odometry_topic, messages.command_topic
+            self._image, self._odometry, self._command = (
+                _RosPublisher(stack, session, node, number, topic(namespace))
+                for number, topic in enumerate(topics, start=1)
+            )
+            for leaf in (FRAME, DECISION):
+                key = controller_key(robot, leaf)
+                stack.enter_context(session.declare_subscriber(key, self._samples.put))
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def forward(self) -> None:
+        """Wait for a sample and forward it; one that cannot be read is logged and dropped."""
+        sample = self._samples.get()
+        when = _nanoseconds(sample.timestamp)
+        if str(sample.key_expr).endswith(f"/{FRAME}"):
+            self._image.put(messages.image(sample.payload.to_bytes(), when))
+            return
+        try:
+            decision = Decision.model_validate_json(sample.payload.to_bytes())
+            command = messages.command(decision, when)
+        except (ValidationError, TelemetryError) as error:
+            what = str(error).partition("\n")[0]
+            _log.warning("dropped a decision; is it of another version of macor-hil? %s", what)
+            return
+        self._command.put(command)
+        self._odometry.put(messages.odometry(decision, self._last, when))
+        self._last = decision
+
+
+class _RosPublisher:
+    """A publisher as ROS 2 nodes see one."""
+
+    def __init__(
+        self, stack: ExitStack, session: zenoh.Session, node: Node, number: int, topic: Topic
+    ) -> None:
+        token = node.publisher_token(number, topic)
+        self._gid = gid(token)
+        self._sequence = 0
+        publisher = session.declare_publisher(
+            topic.key(node.domain), congestion_control=zenoh.CongestionControl.DROP
+        )
+        self._publisher = stack.enter_context(publisher)
+        stack.enter_context(session.liveliness().declare_token(token))
+
+    def put(self, message: bytes) -> None:
+        self._sequence += 1
+        mark = attachment(self._sequence, time.time_ns(), self._gid)
+        self._publisher.put(message, attachment=mark)
+
+
+def _nanoseconds(timestamp: zenoh.Timestamp | None) -> int:
+    """Wall clock of a sample, nanoseconds since 1970; now, if it has none."""
+    return time.time_ns() if timestamp is None else timestamp.get_time_as_ntp64().as_nanos()
