@@ -44,8 +44,11 @@ def readings(model: Model, gap: float, off: float = 0.0) -> Array:
         off: degrees between the sensor's lobe and the wall's normal.
     """
     infrared = _ring(model, wall=[{"points": [[1.005, -5.0], [1.005, 5.0]]}])
-    rows = [infrared.response(infrared.gaps(*place)) for place in _places(model, gap, off)]
-    return np.clip(np.diagonal(rows), 0.0, model.full_scale)
+    values = [
+        infrared.response(sensor, infrared.gaps(*place)[sensor])
+        for sensor, place in enumerate(_places(model, gap, off))
+    ]
+    return np.clip(values, 0.0, model.full_scale)
 
 
 def noisy_readings(model: Model, gap: float) -> Array:

@@ -12,8 +12,9 @@ from math import cos, pi, sin
 
 import pybullet
 
-from khepera_emulator.geometry import Disc, Surroundings
+from khepera_emulator.geometry import Surroundings
 from khepera_emulator.models import Model
+from khepera_emulator.solids import Disc
 from khepera_emulator.world import (
     BODY_GROUP,
     FLOOR_GROUP,
@@ -63,7 +64,8 @@ class Chassis(Disc):
         super().__init__(pose.x, pose.y, model.radius, _GREY)
         self._world = world
         self._model = model
-        self._drift = drift
+        self._left_scale, self._right_scale = drift.left_scale, drift.right_scale
+        self._wheel_base = drift.wheel_base
         self._client = world.client
         self.scene = world.scene(self)
         # None in a world where nothing else moves: nothing to look out for
@@ -119,12 +121,14 @@ class Chassis(Disc):
 
         Then `glide`, or `drive`, `World.period` and `arrive`.
         """
-        left = self._drift.left_scale * max(1.0 + slip[0], _LEAST_GRIP)
-        right = self._drift.right_scale * max(1.0 + slip[1], _LEAST_GRIP)
+        grip_left, grip_right = 1.0 + slip[0], 1.0 + slip[1]
+        left = self._left_scale * (grip_left if grip_left > _LEAST_GRIP else _LEAST_GRIP)
+        right = self._right_scale * (grip_right if grip_right > _LEAST_GRIP else _LEAST_GRIP)
         self._ways = ways
         self._scales = left, right
-        self._ground = ways[0] * left, ways[1] * right
-        self.reach = max(abs(self._ground[0]), abs(self._ground[1]))
+        self._ground = ground_left, ground_right = ways[0] * left, ways[1] * right
+        reach_left, reach_right = abs(ground_left), abs(ground_right)
+        self.reach = reach_left if reach_left > reach_right else reach_right
 
     def may_touch(self) -> bool:
         """Whether the body could touch something within the period; all must have aimed."""
@@ -143,19 +147,19 @@ class Chassis(Disc):
 
     def glide(self) -> tuple[float, float]:
         """Go the way that was aimed at, as nothing can be in it; returns the wheels' ways."""
-        self._dynamic = self._pressed = False
-        self.contact = False
+        self._dynamic = self._pressed = self.contact = False
         self._free_way -= self.reach
-        ground = self._ground
+        left, right = self._ground
         # exact integration over the period: both wheels on arcs about a common centre
-        way = (ground[0] + ground[1]) / 2
-        turn = (ground[1] - ground[0]) / self._drift.wheel_base
-        half = turn / 2
-        chord = way * (sin(half) / half if abs(half) > 1e-9 else 1.0)
-        self.x += chord * cos(self.heading + half)
-        self.y += chord * sin(self.heading + half)
+        turn = (right - left) / self._wheel_base
+        half, way = turn / 2, (left + right) / 2
+        if not -1e-9 <= half <= 1e-9:
+            way *= sin(half) / half
+        middle = self.heading + half
+        self.x += way * cos(middle)
+        self.y += way * sin(middle)
         self.heading += turn
-        self.ground_speed = (ground[0] / CONTROL_PERIOD, ground[1] / CONTROL_PERIOD)
+        self.ground_speed = left / CONTROL_PERIOD, right / CONTROL_PERIOD
         return self._ways
 
     def paint(self, *, visible: bool) -> None:
@@ -195,7 +199,7 @@ class Chassis(Disc):
             self.body, physicsClientId=self._client
         )
         forward = vx * cos(self.heading) + vy * sin(self.heading)
-        half = rate * self._drift.wheel_base / 2
+        half = rate * self._wheel_base / 2
         self.ground_speed = (forward - half, forward + half)
         turned = self._turned()
         return turned[0] / self._scales[0], turned[1] / self._scales[1]
@@ -248,7 +252,7 @@ class Chassis(Disc):
         pybullet.resetBaseVelocity(
             self.body,
             [forward * cos(self.heading), forward * sin(self.heading), 0.0],
-            [0.0, 0.0, (right - left) / self._drift.wheel_base],
+            [0.0, 0.0, (right - left) / self._wheel_base],
             physicsClientId=self._client,
         )
         for wheel, speed in enumerate((left, right)):
@@ -278,7 +282,7 @@ class Chassis(Disc):
             ],
             physicsClientId=client,
         )
-        half_base = self._drift.wheel_base / 2
+        half_base = self._wheel_base / 2
         caster_height = _CASTER_RADIUS - model.wheel_radius
         if self._world.shared:
             caster_height += _CASTER_LIFT

@@ -6,9 +6,10 @@ from typing import Protocol
 
 from khepera_emulator.arena import Arena
 from khepera_emulator.crew import Crew
-from khepera_emulator.geometry import Disc, Footprint, Surroundings, footprint
+from khepera_emulator.geometry import Surroundings
 from khepera_emulator.places import Gap
 from khepera_emulator.robot import Robot
+from khepera_emulator.solids import Disc, Footprint, footprint
 from khepera_emulator.turrets import RadioMedium
 from khepera_emulator.uart import Uart, on_grid
 from khepera_emulator.world import World

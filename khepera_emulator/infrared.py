@@ -8,13 +8,16 @@ reads as one at 20 mm after a turn of 30 degrees, at 31 mm after 48 and at 38 mm
 """
 
 from collections.abc import Sequence
-from math import atan2, cos, hypot, pi, sin
+from math import atan2, cos, hypot, inf, pi, sin
+from typing import NamedTuple
 
 import numpy as np
 
 from khepera_emulator.arena import Lamp
-from khepera_emulator.geometry import Array, Scene
+from khepera_emulator.geometry import Scene
 from khepera_emulator.models import Model, ProximityCurve
+from khepera_emulator.rays import Array
+from khepera_emulator.solids import Solid
 
 SCAN_PERIOD = 0.020
 """Seconds for a scan of all eight sensors; N and O return the latest one."""
@@ -27,9 +30,28 @@ _TABLE_STEP = 0.001
 _BLACK_LOSS = 0.5
 """Part of a ray's reach that a black surface takes away (KiKS)."""
 
+_NOTHING = -1.0
+"""In place of a grey value."""
+
 _LAMP_DISTANCES = (0.0, 0.075, 0.100, 0.200, 0.400, 0.550, 0.750, 0.900, 1.000)
 _LAMP_COUNTS = (50.0, 75.0, 100.0, 250.0, 375.0, 400.0, 425.0, 450.0, 500.0)
 """Reading before a 50 W lamp (Khepera II manual 3.1.7, as digitised by RoadNarrows)."""
+
+
+class _Sensor(NamedTuple):
+    """Where a sensor sits and looks, seen from its robot.
+
+    Attributes:
+        foot: metres ahead and to the left of the robot's middle.
+        rays: ahead and left parts of each ray's direction and its penalty, the least first.
+        curve: counts at multiples of `_TABLE_STEP`.
+        residual: counts beyond the curve.
+    """
+
+    foot: tuple[float, float]
+    rays: tuple[tuple[float, float, float], ...]
+    curve: tuple[float, ...]
+    residual: float
 
 
 class Infrared:
@@ -42,40 +64,41 @@ class Infrared:
         self._scene = scene
         self._lamps = lamps
         self._rng = rng
-        bearings = np.array(model.sensor_bearings)
-        self._feet = model.radius * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
-        directions = np.array(model.sensor_directions)[:, None] + _RAY_ANGLES
-        rays = np.stack([np.cos(directions), np.sin(directions)], axis=2).reshape(-1, 2)
-        origins = np.repeat(self._feet, len(_RAY_ANGLES), axis=0)
-        self._fan = np.concatenate([origins, rays])
-        self._penalty = np.tile(_PENALTY, 8)
+        self._sensors = _sensors(model)
         self._reach = model.proximity.gaps[-1]
-        curves = _tabulate(model.proximity)
-        self._curve, self._rows = curves.ravel(), np.arange(8) * curves.shape[1]
-        self._last = curves.shape[1] - 2
-        self._residual = np.array(model.proximity.residual, dtype=float)
+        self._top = model.full_scale
+        self._step = model.proximity.step
+        self._noise = model.proximity.noise
 
     def proximity(self, x: float, y: float, heading: float) -> tuple[int, ...]:
         """What a scan at a place (metres) and heading (radians) reads: eight counts."""
-        values = self.response(self.gaps(x, y, heading))
-        fixed, relative = self._model.proximity.noise
-        lit = values > 0.0
-        noise = self._rng.standard_normal(8) * (fixed + relative * values)
-        # without an object about half of the readings are 0 and the others 1 to 13 (Nolfi)
-        floor = np.maximum(self._rng.uniform(-6.5, 7.0, 8), 0.0)
-        return self._quantise(np.where(lit, values + noise, floor))
+        fixed, relative = self._noise
+        normal, uniform = self._rng.standard_normal(8).tolist(), self._rng.random(8).tolist()
+        step, top = self._step, self._top
+        counts = []
+        for sensor, gap in enumerate(self.gaps(x, y, heading)):
+            value = self.response(sensor, gap)
+            if value > 0.0:
+                value += normal[sensor] * (fixed + relative * value)
+            else:
+                # without an object half of the readings are 0 and the others 1 to 13 (Nolfi)
+                value = -6.5 + 13.5 * uniform[sensor]
+            count = int(value) if value > 0.0 else 0
+            counts.append((count if count < top else top) // step * step)
+        return tuple(counts)
 
-    def response(self, gaps: Array) -> Array:
-        """The curve of each sensor at its effective gap in metres, without noise.
+    def response(self, sensor: int, gap: float) -> float:
+        """The curve of a sensor at an effective gap in metres, without noise.
 
         Closer than the recorded saturation it goes on rising; beyond the record: the residual.
         """
-        place = np.minimum(gaps, self._reach) / _TABLE_STEP
-        index = np.minimum(place.astype(int), self._last)
-        at = self._rows + index
-        low = self._curve[at]
-        inside = low + (place - index) * (self._curve[at + 1] - low)
-        return np.where(gaps > self._reach, self._residual, inside)
+        _, _, curve, residual = self._sensors[sensor]
+        if gap > self._reach:
+            return residual
+        place = gap / _TABLE_STEP
+        index = min(int(place), len(curve) - 2)
+        low = curve[index]
+        return low + (place - index) * (curve[index + 1] - low)
 
     def ambient(self, x: float, y: float, heading: float) -> tuple[int, ...]:
         """Ambient light at a place: about 490 counts in the dark, down to 50 before a lamp."""
@@ -85,24 +108,44 @@ class Infrared:
         values = np.maximum(values, 50.0) + self._rng.uniform(-10.0, 10.0, 8)
         return self._quantise(values)
 
-    def gaps(self, x: float, y: float, heading: float) -> Array:
+    def gaps(self, x: float, y: float, heading: float) -> list[float]:
         """Effective gap of each sensor to what it sees, in metres; infinite beyond its reach."""
-        if self._scene.clearance(x, y) - self._model.radius > self._reach:
-            return np.full(8, np.inf)
+        around = self._scene.near(x, y, self._model.radius + self._reach)
+        if not around:
+            return [inf] * 8
         c, s = cos(heading), sin(heading)
-        fan = self._fan @ np.array([[c, s], [-s, c]])
-        half = len(fan) // 2
-        distances, grey = self._scene.cast(np.add(fan[:half], (x, y)), fan[half:])
-        dim = (_BLACK_LOSS - _BLACK_LOSS * grey) * np.maximum(self._reach - distances, 0.0)
-        effective = distances + dim + self._penalty
-        nearest: Array = np.minimum.reduce(effective.reshape(8, -1), axis=1)
-        return nearest
+        return [self._gap(sensor, around, x, y, c, s) for sensor in self._sensors]
+
+    def _gap(
+        self, sensor: _Sensor, around: list[Solid], x: float, y: float, c: float, s: float
+    ) -> float:
+        """Effective gap of one sensor; `c` and `s` are cosine and sine of the robot's heading."""
+        (ahead, left), rays, _, _ = sensor
+        reach = self._reach
+        eye_x, eye_y = x + (c * ahead - s * left), y + (s * ahead + c * left)
+        near = [(*solid.toward(eye_x, eye_y), solid) for solid in around]
+        best = inf
+        for ahead, left, penalty in rays:
+            dx, dy = c * ahead - s * left, s * ahead + c * left
+            # what lies further than this is beyond the reach, or a worse gap than one found already
+            distance = min(reach, best - penalty)
+            shade = _NOTHING
+            for gap, nx, ny, solid in near:
+                # a solid lies wholly behind the line through its nearest point
+                if gap < distance * (dx * nx + dy * ny) or gap <= 0.0:
+                    way = solid.ray(eye_x, eye_y, dx, dy)
+                    if way < distance:
+                        distance, shade = way, solid.grey
+            if shade != _NOTHING:
+                dim = (_BLACK_LOSS - _BLACK_LOSS * shade) * (reach - distance)
+                best = min(best, distance + dim + penalty)
+        return best
 
     def _lamp_effect(self, lamp: Lamp, x: float, y: float, heading: float) -> Array:
         effect = np.zeros(8)
         c, s = cos(heading), sin(heading)
         for i, direction in enumerate(self._model.sensor_directions):
-            fx, fy = self._feet[i]
+            fx, fy = self._sensors[i].foot
             eye = np.array([x + c * fx - s * fy, y + s * fx + c * fy])
             dx, dy = lamp.centre[0] - eye[0], lamp.centre[1] - eye[1]
             distance = max(hypot(dx, dy), 1e-6)
@@ -120,8 +163,22 @@ class Infrared:
         return effect
 
     def _quantise(self, values: Array) -> tuple[int, ...]:
-        step, top = self._model.proximity.step, self._model.full_scale
+        step, top = self._step, self._top
         return tuple(min(max(int(value), 0), top) // step * step for value in values.tolist())
+
+
+def _sensors(model: Model) -> tuple[_Sensor, ...]:
+    sensors = []
+    fan = sorted(zip(_PENALTY.tolist(), _RAY_ANGLES.tolist(), strict=True))
+    curves = _tabulate(model.proximity).tolist()
+    for number, (bearing, direction) in enumerate(
+        zip(model.sensor_bearings, model.sensor_directions, strict=True)
+    ):
+        foot = model.radius * cos(bearing), model.radius * sin(bearing)
+        rays = [(cos(direction + angle), sin(direction + angle), penalty) for penalty, angle in fan]
+        residual = float(model.proximity.residual[number])
+        sensors.append(_Sensor(foot, tuple(rays), tuple(curves[number]), residual))
+    return tuple(sensors)
 
 
 def _tabulate(curve: ProximityCurve) -> Array:

@@ -16,12 +16,20 @@ from protocol.units import CONTROL_PERIOD
 FULL_DUTY = 255.0
 
 
+_HALF_RANGE = 2.0**31
+_CREEP = 0.05
+"""Speed below which standing friction stops a motor without drive."""
+
+
 class Mode(Enum):
     """What drives the wheel."""
 
     SPEED = auto()
     POSITION = auto()
     DUTY = auto()
+
+
+_SPEED, _POSITION, _DUTY = Mode  # as names of their own: `control` asks for them a lot
 
 
 @dataclass(slots=True)
@@ -90,28 +98,28 @@ class Wheel:
     @property
     def error(self) -> int:
         """Control error: target minus position, or set speed minus measured speed."""
-        if self.mode is Mode.POSITION:
+        if self.mode is _POSITION:
             return _wrap(self.target - self.counter)
-        return self.set_speed - self.measured if self.mode is Mode.SPEED else 0
+        return self.set_speed - self.measured if self.mode is _SPEED else 0
 
     def drive_speed(self, speed: int) -> None:
         """Hold a speed; the set-point counts at once."""
-        if self.mode is not Mode.SPEED:
+        if self.mode is not _SPEED:
             self._clear()
             # take over without a jump: the integral begins at the duty that holds this speed
             self._integral = self._holding_duty(self.speed) * self._scale(self.speed_gains.ki)
-        self.mode, self.set_speed, self.reached = Mode.SPEED, speed, False
+        self.mode, self.set_speed, self.reached = _SPEED, speed, False
 
     def drive_position(self, target: int) -> None:
         """Go to a counter value along the profile, from the present place and speed."""
-        if self.mode is not Mode.POSITION:
+        if self.mode is not _POSITION:
             self._clear()
             self._reference, self._reference_speed = float(self.counter), self.speed
-        self.mode, self.target, self.reached = Mode.POSITION, target, False
+        self.mode, self.target, self.reached = _POSITION, target, False
 
     def drive_duty(self, duty: int) -> None:
         """Put a duty cycle on the motor, open loop."""
-        self.mode, self.set_duty, self.reached = Mode.DUTY, duty, False
+        self.mode, self.set_duty, self.reached = _DUTY, duty, False
 
     def control(self) -> float:
         """Run the controllers for one period.
@@ -119,50 +127,52 @@ class Wheel:
         Returns:
             The speed that the motor would have at the period's end if nothing held the wheel.
         """
-        if self.mode is Mode.DUTY:
-            duty = float(self.set_duty)
-        elif self.mode is Mode.SPEED:
+        motor = self.motor
+        friction, room = motor.friction, FULL_DUTY - motor.friction
+        if self.mode is _SPEED:
             duty = self._pid(self.speed_gains, float(self.set_speed - self.measured))
-        else:
+        elif self.mode is _POSITION:
             self._advance_reference()
+            duty = self._pid(self.position_gains, self._lag())
             # the profile's own speed is fed forward, so that the PID has only its errors to mend
-            duty = self._holding_duty(self._reference_speed) + self._pid(
-                self.position_gains, self._lag()
-            )
-            duty = min(max(duty, -FULL_DUTY), FULL_DUTY)
-        force = abs(duty) - self.motor.friction
-        if force <= 0.0:
-            free = 0.0
+            speed = self._reference_speed
+            if speed != 0.0:
+                duty = _within(self._holding_duty(speed) + duty, FULL_DUTY)
         else:
-            free = copysign(force, duty) * self.motor.top_speed / (FULL_DUTY - self.motor.friction)
+            duty = float(self.set_duty)
+        # drive beyond standing friction, and the speed that the motor would come to with it
+        if duty > friction:
+            free = (duty - friction) * motor.top_speed / room
+        elif duty < -friction:
+            free = (duty + friction) * motor.top_speed / room
+        else:
+            free = 0.0
         speed = self.speed + (free - self.speed) * self._response
-        # standing friction: a motor without drive comes to rest instead of creeping for ever
-        return 0.0 if free == 0.0 and abs(speed) < 0.05 else speed
+        # a motor without drive comes to rest instead of creeping for ever
+        return 0.0 if free == 0.0 and -_CREEP < speed < _CREEP else speed
 
     def roll(self, way: float, speed: float) -> None:
         """Take in what the wheel really did in the period: way in counts, speed at its end."""
-        before = floor(self.travel)
-        self.travel += way
+        travel = self.travel
+        self.travel = after = travel + way
         self.speed = speed
-        self.measured = floor(self.travel) - before
-        if self.mode is Mode.POSITION and not self.reached:
-            self.reached = (
-                self._reference == self.target
-                and self._reference_speed == 0.0
-                and abs(self.error) <= self.reached_within
-            )
+        self.measured = floor(after) - floor(travel)
+        if self.mode is _POSITION and self._reference_speed == 0.0 and not self.reached:
+            self.reached = self._reference == self.target and abs(self.error) <= self.reached_within
 
     def at_rest(self) -> bool:
         """Whether the wheel stands and nothing drives it."""
         if self.speed != 0.0 or self.measured != 0:
             return False
-        if self.mode is Mode.POSITION:
+        if self.mode is _POSITION:
             return self.reached and self.error == 0
-        return not (self.set_speed if self.mode is Mode.SPEED else self.set_duty)
+        return not (self.set_speed if self.mode is _SPEED else self.set_duty)
 
     def _lag(self) -> float:
         """Way from the wheel to the profile's reference, which may lie on both sides of a wrap."""
         lag = self._reference - (floor(self.travel) + self.offset)
+        if -_HALF_RANGE < lag < _HALF_RANGE:
+            return lag
         return lag - round(lag / 2**32) * 2**32
 
     def _clear(self) -> None:
@@ -181,31 +191,39 @@ class Wheel:
         )
 
     def _pid(self, gains: Gains, error: float) -> float:
-        scale = self.motor.gain_scale
-        if gains.ki:
-            limit = FULL_DUTY * scale / gains.ki
-            self._integral = min(max(self._integral + error, -limit), limit)
+        scale, ki, integral = self.motor.gain_scale, gains.ki, self._integral
+        if ki:
+            self._integral = integral = _within(integral + error, FULL_DUTY * scale / ki)
         change, self._last_error = error - self._last_error, error
-        duty = (gains.kp * error + gains.ki * self._integral + gains.kd * change) / scale
-        return min(max(duty, -FULL_DUTY), FULL_DUTY)
+        return _within((gains.kp * error + ki * integral + gains.kd * change) / scale, FULL_DUTY)
 
     def _advance_reference(self) -> None:
+        speed = self._reference_speed
         way = self.target - self._reference
-        acceleration = self.profile.acceleration / 256
-        if way == 0.0 and self._reference_speed == 0.0:
+        if way == 0.0 and speed == 0.0:
             return
-        if acceleration == 0.0 or self.profile.speed == 0:
+        profile = self.profile
+        top, acceleration = profile.speed, profile.acceleration / 256
+        if acceleration == 0.0 or top == 0:
             self._reference_speed = 0.0  # a profile without speed or acceleration goes nowhere
             return
-        braking = sqrt(2.0 * acceleration * abs(way) + acceleration**2 / 4) - acceleration / 2
-        wanted = copysign(min(self.profile.speed, braking), way)
-        speed = self._reference_speed
-        speed += min(max(wanted - speed, -acceleration), acceleration)
-        if abs(way) <= max(abs(speed), 0.5 * acceleration) and abs(speed) <= 2 * acceleration:
+        left = abs(way)
+        wanted = sqrt(2.0 * acceleration * left + acceleration**2 / 4) - acceleration / 2
+        if wanted > top:
+            wanted = top
+        speed += _within((wanted if way >= 0.0 else -wanted) - speed, acceleration)
+        if abs(speed) <= 2 * acceleration and left <= max(abs(speed), 0.5 * acceleration):
             self._reference, self._reference_speed = float(self.target), 0.0
             return
         self._reference += speed
         self._reference_speed = speed
+
+
+def _within(value: float, limit: float) -> float:
+    """The nearest number that is no further from 0 than a limit."""
+    if value > limit:
+        return limit
+    return -limit if value < -limit else value
 
 
 def _wrap(count: int) -> int:

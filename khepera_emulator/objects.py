@@ -12,7 +12,7 @@ from typing import Any
 import pybullet
 
 from khepera_emulator.arena import Movable
-from khepera_emulator.geometry import Brick, footprint
+from khepera_emulator.solids import Brick, footprint
 from protocol.units import CONTROL_PERIOD
 
 _GRAVITY = 9.81
@@ -106,7 +106,7 @@ class Thing:
         self.heading = 2.0 * atan2(qz, qw)
         self.footprint.x, self.footprint.y = x, y
         if isinstance(self.footprint, Brick):
-            self.footprint.heading = self.heading
+            self.footprint.turn(self.heading)
         if abs(z - self._rise) > _LEVEL:
             pybullet.resetBasePositionAndOrientation(
                 self.body,

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 
 from khepera_emulator.arena import Arena
-from khepera_emulator.geometry import Brick, Disc, footprint, wall_boxes
 from khepera_emulator.models import Model
 from khepera_emulator.places import pose_of
+from khepera_emulator.solids import Brick, Disc, footprint, wall_boxes
 from protocol.side_channel import Outline, Solid
 
 

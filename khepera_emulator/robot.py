@@ -19,6 +19,9 @@ _SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
 _BATTERY_COUNTS = 600
 """Channel 0: half of 4.8 V, as 2.4 V. Nothing documents channels 0 to 2 (a choice)."""
 
+_HELD = 1e-6
+"""Counts a period by which a wheel that nothing holds may miss what its motor wants."""
+
 _SPOT_SLIP = 2.0
 """How much more a robot slips that turns on the spot (a choice)."""
 
@@ -59,6 +62,7 @@ class Robot:
         slip, sensors, turrets = rng.spawn(3)
         self.drift = drift
         self._slip = slip_sequence(slip)
+        self._slip_sd, self._spot_slip_sd = drift.slip, drift.slip * _SPOT_SLIP
         self.chassis = Chassis(world, model, self.drift, pose)
         self.infrared = Infrared(model, self.chassis.scene, world.arena.lamp, sensors)
         self.touched = False
@@ -101,11 +105,13 @@ class Robot:
 
         For a robot in a world where nothing else moves; see `crew` for others.
         """
+        roll = self.chassis.roll
+        left, right = self.wheels
         while self.ticks < ticks:
-            if not self.moving:
+            if left.at_rest() and right.at_rest():
                 self.rest(ticks)
                 return
-            self.arrive(self.chassis.roll(*self._intend()))
+            self.arrive(roll(*self._intend()))
 
     def rest(self, ticks: int) -> None:
         """Let control periods pass in which nothing moves; see `run`."""
@@ -124,13 +130,14 @@ class Robot:
     def arrive(self, ways: tuple[float, float]) -> None:
         """Last part of a control period: the wheels have turned so many metres."""
         self.ticks += 1
-        self.touched = self.touched or self.chassis.contact
-        for wheel, wanted, speed, way in zip(
-            self.wheels, self._counts, self._free, ways, strict=True
-        ):
-            turned = way / PULSE
-            held = abs(turned - wanted) > 1e-6
-            wheel.roll(turned, turned if held else speed)
+        if self.chassis.contact:
+            self.touched = True
+        # the speed at the period's end: the motor's own, or what something that holds leaves of it
+        (left, right), (wanted_left, wanted_right) = self.wheels, self._counts
+        turned = ways[0] / PULSE
+        left.roll(turned, self._free[0] if abs(turned - wanted_left) <= _HELD else turned)
+        turned = ways[1] / PULSE
+        right.roll(turned, self._free[1] if abs(turned - wanted_right) <= _HELD else turned)
         if self.ticks % _SCAN_TICKS == 0:
             self._start_scan()
         if self.turrets:
@@ -182,14 +189,13 @@ class Robot:
     def _intend(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Ways in metres that the motors give the wheels in this period, and their slips."""
         left, right = self.wheels
-        self._free = left.control(), right.control()
+        self._free = free_left, free_right = left.control(), right.control()
         # mean of the speeds at both ends of the period, in counts and metres a period
-        counts = (left.speed + self._free[0]) / 2, (right.speed + self._free[1]) / 2
-        self._counts = counts
-        on_the_spot = counts[0] * counts[1] < 0.0
-        sd = self.drift.slip * (_SPOT_SLIP if on_the_spot else 1.0)
-        noise = next(self._slip)
-        return (counts[0] * PULSE, counts[1] * PULSE), (sd * noise[0], sd * noise[1])
+        mean_left, mean_right = (left.speed + free_left) / 2, (right.speed + free_right) / 2
+        self._counts = mean_left, mean_right
+        sd = self._spot_slip_sd if mean_left * mean_right < 0.0 else self._slip_sd
+        slip_left, slip_right = next(self._slip)
+        return (mean_left * PULSE, mean_right * PULSE), (sd * slip_left, sd * slip_right)
 
     def _wheel(self) -> Wheel:
         model = self.model

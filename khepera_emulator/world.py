@@ -8,8 +8,9 @@ import pybullet
 from numpy.typing import NDArray
 
 from khepera_emulator.arena import Arena, Cylinder, Movable
-from khepera_emulator.geometry import Box, FloorPlan, Footprint, Scene, Surroundings
+from khepera_emulator.geometry import FloorPlan, Scene, Surroundings
 from khepera_emulator.objects import Thing
+from khepera_emulator.solids import Box, Footprint
 from protocol.units import CONTROL_PERIOD
 
 PHYSICS_PERIOD = 0.005

@@ -5,11 +5,13 @@ from math import inf, radians
 
 import numpy as np
 import pytest
+from worlds import arena
 
 from khepera_emulator.arena import Arena
-from khepera_emulator.geometry import FloorPlan
+from khepera_emulator.geometry import FloorPlan, Surroundings
 from khepera_emulator.infrared import Infrared
 from khepera_emulator.models import KHEPERA, KHEPERA2, Model
+from khepera_emulator.solids import Brick, Disc
 
 # S. Nolfi's samples of a first Khepera: gap in mm, mean of the eight sensors at their lobes
 NOLFI = {
@@ -55,8 +57,8 @@ def before_wall(model: Model, gap: float, off: float = 0.0, noise: bool = False)
         if noise:
             readings.append(infrared.proximity(*place)[sensor])
         else:
-            values = infrared.response(infrared.gaps(*place))
-            readings.append(min(max(float(values[sensor]), 0.0), model.full_scale))
+            value = infrared.response(sensor, infrared.gaps(*place)[sensor])
+            readings.append(min(max(value, 0.0), model.full_scale))
     return readings
 
 
@@ -106,7 +108,7 @@ def test_khepera2_counts_in_fours():
 def test_without_an_object_a_khepera_reads_near_nothing():
     infrared = ring(KHEPERA)
     readings = np.array([infrared.proximity(0.0, 0.0, 0.0) for _ in range(500)])
-    assert infrared.gaps(0.0, 0.0, 0.0).tolist() == [inf] * 8
+    assert infrared.gaps(0.0, 0.0, 0.0) == [inf] * 8
     assert readings.min() == 0
     assert readings.max() <= 13
     # recorded: 48 % zeros, the rest 1 to 13
@@ -127,14 +129,58 @@ def test_noise_grows_with_the_reading_and_is_seeded():
     readings = [first.proximity(*place) for _ in range(400)]
     assert [same.proximity(*place) for _ in range(400)] == readings
     assert [other.proximity(*place) for _ in range(400)] != readings
-    level = first.response(first.gaps(*place))[2]
+    level = first.response(2, first.gaps(*place)[2])
     assert np.std([row[2] for row in readings]) == pytest.approx(12 + 0.02 * level, rel=0.15)
+
+
+def gaps_in_arrays(model: Model, scene: Surroundings, x: float, y: float, heading: float):
+    """Effective gaps by all forty rays of the scene, as the module's text has them."""
+    fan = np.array([-30.0, -15.0, 0.0, 15.0, 30.0])
+    angles = heading + np.array(model.sensor_directions)[:, None] + np.radians(fan)
+    bearings = heading + np.array(model.sensor_bearings)
+    feet = np.array([x, y]) + model.radius * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=2).reshape(-1, 2)
+    distances, grey = scene.cast(np.repeat(feet, 5, axis=0), rays)
+    reach = model.proximity.gaps[-1]
+    dim = 0.5 * (1.0 - grey) * np.maximum(reach - distances, 0.0)
+    gaps = (distances + dim).reshape(8, 5) + 6.3e-6 * fan**2
+    return gaps.min(axis=1)
+
+
+@pytest.mark.parametrize("model", [KHEPERA, KHEPERA2])
+def test_gaps_are_those_of_all_rays(model):
+    """A few rays in plain numbers see what forty in arrays see, black before white as well."""
+    plan = FloorPlan(
+        arena(
+            wall=[
+                {"points": [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]], "colour": [0.9, 0.9, 0.9]},
+                {"points": [[0.16, -0.2], [0.16, 0.0]], "thickness": 0.004, "colour": [0, 0, 0]},
+            ],
+            cylinder=[{"centre": [0.0, -0.1], "radius": 0.01, "colour": [0.2, 0.2, 0.2]}],
+        )
+    )
+    movers = [Disc(0.0, 0.0, 0.02, 0.4), Brick(-0.1, -0.05, 0.3, (0.05, 0.02), 1.0)]
+    scene = Surroundings(plan, movers)
+    infrared = Infrared(model, scene, (), np.random.default_rng(0))
+    reach = model.proximity.gaps[-1]
+    seen = 0
+    # bodies that reach into solids by half a millimetre count, too
+    rng = np.random.default_rng(1)
+    for x, y, heading in rng.uniform([-0.25, -0.25, -4.0], [0.25, 0.25, 4.0], (600, 3)).tolist():
+        if scene.clearance(x, y) < model.radius - 0.0005:
+            continue
+        expected = gaps_in_arrays(model, scene, x, y, heading)
+        limited = np.where(expected < reach, expected, inf).tolist()
+        found = [gap if gap < reach else inf for gap in infrared.gaps(x, y, heading)]
+        assert found == pytest.approx(limited, abs=1e-12)
+        seen += sum(gap < reach for gap in found)
+    assert seen > 400
 
 
 def test_black_is_seen_from_half_as_far():
     def front(colour: tuple[float, float, float]) -> float:
         infrared = ring(KHEPERA, wall=[{"points": [[0.1, -1], [0.1, 1]], "colour": colour}])
-        return float(infrared.gaps(0.05, 0.0, 0.0)[2])
+        return infrared.gaps(0.05, 0.0, 0.0)[2]
 
     white, black = front((1, 1, 1)), front((0, 0, 0))
     assert black - white == pytest.approx(0.5 * (0.043 - white), rel=0.05)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from khepera_emulator.geometry import Array, Box
+from khepera_emulator.rays import Array
+from khepera_emulator.solids import Box
 
 _NEVER = 1e-200
 

@@ -4,7 +4,8 @@ from math import hypot
 
 import numpy as np
 
-from khepera_emulator.geometry import Array, Scene
+from khepera_emulator.geometry import Scene
+from khepera_emulator.rays import Array
 from khepera_emulator.turrets.turret import Piece, Point
 from khepera_emulator.world import World
 

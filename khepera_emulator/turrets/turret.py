@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import cos, sin
 from typing import Protocol, runtime_checkable
 
-from khepera_emulator.geometry import Array
+from khepera_emulator.rays import Array
 from protocol.turrets import TurretKind
 from protocol.units import CONTROL_PERIOD
 
