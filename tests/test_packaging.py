@@ -1,0 +1,133 @@
+"""What gets installed: the wheel holds all of the packages, and works without its extras."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from emulator_process import PATIENCE
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+PACKAGES = ("protocol", "khepera_emulator", "macor_hil")
+
+NEEDS = {
+    "cma": "gymnasium",
+    "gymnasium": "gymnasium",
+    "joblib": "experiments",
+    "matplotlib": "pictures",
+    "pybullet": "emulator",
+    "rosbags": "ros",
+    "xxhash": "ros",
+}
+"""Importable names of what only an extra brings."""
+
+IGNORED = shutil.ignore_patterns("__pycache__")
+
+MAY_FAIL = {
+    "macor_hil.environment": "gymnasium",
+    "macor_hil.experiments": "experiments",
+    "macor_hil.ros2": "ros",
+    "khepera_emulator.world": "emulator",
+    "khepera_emulator.emulator": "emulator",
+}
+
+
+def without_extras(code, *arguments):
+    """Run Python code where nothing can be imported that only an extra brings."""
+    block = f"import sys; sys.modules.update(dict.fromkeys({list(NEEDS)}));"
+    return subprocess.run(
+        [sys.executable, "-c", block + code, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+
+
+def modules(package):
+    for file in sorted((ROOT / package).rglob("*.py")):
+        parts = file.relative_to(ROOT).with_suffix("").parts
+        if parts[-1] != "__main__":
+            yield ".".join(part for part in parts if part != "__init__")
+
+
+def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
+    source = tmp_path / "source"
+    source.mkdir()
+    for file in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / file, source)
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, source / package, ignore=IGNORED)
+    files = {
+        str(file.relative_to(source))
+        for package in PACKAGES
+        for file in (source / package).rglob("*")
+        if file.is_file()
+    }
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"]
+    command += ["--no-build-isolation", "--wheel-dir", tmp_path, source]
+    subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    assert files <= set(zipfile.ZipFile(wheel).namelist())
+
+
+def test_every_extra_is_tried_without():
+    for_developers = {"benchmarks", "build", "lint", "test"}
+    assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
+
+
+def test_every_extra_is_documented():
+    page = (ROOT / "docs" / "install.md").read_text("utf-8")
+    documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
+    assert documented == set(PROJECT["optional-dependencies"]) - {"build", "lint", "test"}
+
+
+def test_the_controller_is_importable_without_any_extra():
+    code = f"""
+import importlib, json
+failed = {{}}
+for name in {list(modules("macor_hil")) + list(modules("protocol"))}:
+    try:
+        importlib.import_module(name)
+    except ImportError as error:
+        failed[name] = (error.name or "").partition(".")[0]
+print(json.dumps(failed))
+"""
+    done = without_extras(code)
+    assert done.returncode == 0, done.stderr
+    for module, missing in json.loads(done.stdout).items():
+        extra = next((extra for name, extra in MAY_FAIL.items() if module.startswith(name)), None)
+        assert extra is not None, f"{module} needs {missing}"
+
+
+@pytest.mark.parametrize("program", ["macor_hil.cli", "khepera_emulator.cli"])
+def test_the_command_lines_help_without_any_extra(program):
+    done = without_extras(f"from {program} import app; app()", "--help")
+    assert done.returncode == 0, done.stderr
+    assert "Usage" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("program", "arguments", "extra"),
+    [
+        ("khepera_emulator.cli", ["run"], "emulator"),
+        ("macor_hil.cli", ["look", "--picture", "FILE"], "emulator"),
+        ("macor_hil.cli", ["train", "--map", "FILE"], "emulator"),
+        ("macor_hil.cli", ["ros2"], "ros"),
+        ("macor_hil.cli", ["reproduce", "figure2"], "experiments"),
+    ],
+)
+def test_a_missing_extra_is_named(program, arguments, extra, tmp_path):
+    file = str(tmp_path / "file")
+    arguments = [file if each == "FILE" else each for each in arguments]
+    done = without_extras(f"from {program} import main; main()", *arguments)
+    assert done.returncode == 2
+    assert extra in PROJECT["optional-dependencies"]
+    assert extra in done.stderr
+    assert len(done.stderr.splitlines()) == 1
