@@ -18,6 +18,7 @@ from macor_hil.clustering.fuzzy_art import FuzzyArt
 from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
 from macor_hil.planners.anticipative import Anticipative
+from macor_hil.planners.planner import Now
 from macor_hil.planners.reactive import Reactive
 from macor_hil.robot import Khepera
 from macor_hil.sensorimotor_map import SensorimotorMap
@@ -108,13 +109,13 @@ class TrainingCommand:
         return process_time() - start
 
     def _plan(self) -> dict[str, float]:
-        memory = self._brain.map
-        known = np.flatnonzero(memory.z.any(axis=0))
+        memory = self._brain.memory
+        known = np.flatnonzero(memory.map.z.any(axis=0))
         chosen = known[np.linspace(0, len(known) - 1, _PLANS).astype(int)]
-        planner = Anticipative()
+        planner, nowhere = Anticipative(), np.zeros(memory.map.nodes)
         start = process_time()
         for neuron in chosen.tolist():
-            planner.plan(memory, neuron)
+            planner.plan(memory, Now(neuron, nowhere))
         return {"plan": (process_time() - start) / _PLANS}
 
 

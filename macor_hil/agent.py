@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from macor_hil.brain import FIRST_COMMAND, Brain
 from macor_hil.cameras import Camera, Frame
 from macor_hil.clustering.fuzzy_art import Resonance
+from macor_hil.clustering.membership import Array
 from macor_hil.drive import COMMANDS, Driver, Outcome
-from macor_hil.planners.planner import Plan, Planner
+from macor_hil.planners.planner import Now, Plan, Planner
 from macor_hil.vision.receptive_fields import Features
 
 
@@ -20,12 +21,14 @@ class View:
         features: the untuned features of the frame.
         resonance: the situation that it was taken for.
         neuron: that situation, entered by the last command.
+        memberships: how much it belongs to each situation.
     """
 
     frame: Frame
     features: Features
     resonance: Resonance
     neuron: int
+    memberships: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +87,15 @@ class Agent:
         after = self._look(command, learn)
         if learn:
             self.brain.map.learn(view.neuron, after.neuron, r)
+            then = None if outcome.collided else after.memberships
+            self.brain.graded.learn(view.memberships, command, then, r)
         return Step(view, plan, command, outcome, r, after)
 
     def planned(self, planner: Planner, fallback: Callable[[], int]) -> Choice:
         """Choose what a planner finds best; `fallback` where it knows of no command."""
 
         def choose(view: View) -> tuple[int, Plan]:
-            plan = planner.plan(self.brain.map, view.neuron)
+            plan = planner.plan(self.brain.memory, Now(view.neuron, view.memberships))
             return (fallback() if plan.command is None else plan.command), plan
 
         return choose
@@ -99,4 +104,5 @@ class Agent:
         frame = self._camera.grab()
         features = self.brain.look(frame.image)
         resonance = self.brain.recognise(features, learn=learn)
-        return View(frame, features, resonance, self.brain.map.neuron(resonance.node, command))
+        neuron = self.brain.map.neuron(resonance.node, command)
+        return View(frame, features, resonance, neuron, self.brain.memberships(features))

@@ -6,7 +6,10 @@ No port, camera, file or clock: a picture goes in and a situation comes out.
 from dataclasses import dataclass, field
 
 from macor_hil.clustering.fuzzy_art import FuzzyArt, Resonance
+from macor_hil.clustering.membership import WIDTH, Array, memberships
 from macor_hil.drive import COMMANDS, STRAIGHT
+from macor_hil.graded_map import GradedMap
+from macor_hil.memory import Memory
 from macor_hil.reinforcement import Reinforcement
 from macor_hil.sensorimotor_map import Competence, SensorimotorMap
 from macor_hil.vision.receptive_fields import Features, ReceptiveFields
@@ -28,6 +31,7 @@ class Settings:
         sectors: receptive fields around the robot.
         reinforcement: what commands earn.
         competence: parameters of equation 1.
+        width: of the memberships of graded situations.
         mirror: geometry of the camera's mirror.
         panorama: size of the unwrapped picture.
     """
@@ -38,6 +42,7 @@ class Settings:
     sectors: int = 12
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
     competence: Competence = field(default_factory=Competence)
+    width: float = WIDTH
     mirror: Mirror = field(default_factory=Mirror)
     panorama: PanoramaSize = field(default_factory=PanoramaSize)
 
@@ -51,6 +56,12 @@ class Brain:
         self.fields = ReceptiveFields(settings.sectors)
         self.art = FuzzyArt(self.fields.size, settings.nodes, settings.vigilance, settings.alpha)
         self.map = SensorimotorMap(settings.nodes, len(COMMANDS), settings.competence)
+        self.graded = GradedMap(settings.nodes, len(COMMANDS))
+
+    @property
+    def memory(self) -> Memory:
+        """What planners look into."""
+        return Memory(self.map, self.graded)
 
     def look(self, image: Image) -> Features:
         """Untuned features of a mirror image, shape (M,)."""
@@ -59,3 +70,8 @@ class Brain:
     def recognise(self, raw: Features, *, learn: bool) -> Resonance:
         """The situation of untuned features."""
         return self.art.present(self.fields.tune(raw), learn=learn)
+
+    def memberships(self, raw: Features) -> Array:
+        """How much untuned features belong to each situation, shape (n,)."""
+        distances = self.art.distances(self.fields.tune(raw))
+        return memberships(distances, self.settings.nodes, self.settings.width)

@@ -20,7 +20,7 @@ from macor_hil.brain import Brain, Settings
 from macor_hil.errors import MapError
 
 FORMAT: Final = "macor map"
-VERSION: Final = 1
+VERSION: Final = 2
 
 _SETTINGS = TypeAdapter(Settings)
 
@@ -53,6 +53,9 @@ def save_map(path: Path, brain: Brain, training: dict[str, Any]) -> None:
         past=past.astype(np.int32),
         z=brain.map.z[present, past],
         w_r=brain.map.w_r[present, past],
+        led_to=brain.graded.led_to,
+        tried=brain.graded.tried,
+        earned=brain.graded.earned,
     )
     write_atomically(path, buffer.getvalue())
 
@@ -121,4 +124,5 @@ def _restore(meta: dict[str, Any], arrays: dict[str, Any]) -> Brain:
         raise ValueError(f"weights of shape {weights.shape} do not fit the settings")
     brain.art.load(weights)
     brain.map.load(*(arrays[name] for name in ("present", "past", "z", "w_r")))
+    brain.graded.load(*(arrays[name] for name in ("led_to", "tried", "earned")))
     return brain

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from planning import plan
 
 from macor_hil.planners.q_learning import QLearning, QMap
 from macor_hil.planners.reactive import Reactive
@@ -60,15 +61,15 @@ def test_gamma_zero_is_equation_2() -> None:
     # where every competence is at its greatest, the reactive system decides alike
     plain.w_c = np.where(plain.z > 0, 0.95, 0.0)
     for start in range(12):
-        assert QLearning().plan(weak, start).command == Reactive().plan(plain, start).command
+        assert plan(QLearning(), weak, start).command == plan(Reactive(), plain, start).command
 
 
 def test_the_plan_is_the_best_outcome_of_each_command() -> None:
     memory = QMap(3, 2, gamma=0.9)
     memory.learn(0, 2, 0.5)
     memory.learn(0, 4, 0.7)
-    plan = QLearning().plan(memory, 0)
-    assert plan.evaluations == (pytest.approx(0.7), None)
-    assert plan.command == 0
-    assert plan.sequence == (4,)
-    assert QLearning().plan(memory, 1).command is None
+    found = plan(QLearning(), memory, 0)
+    assert found.evaluations == (pytest.approx(0.7), None)
+    assert found.command == 0
+    assert found.sequence == (4,)
+    assert plan(QLearning(), memory, 1).command is None

@@ -91,6 +91,12 @@ class FuzzyArt:
         k = int((sums - overlap).argmin())
         return Resonance(k, False, float(overlap[k] / self.features))
 
+    def distances(self, x: Array) -> Array:
+        """How far an input lies outside each node's box, |w_k| - |I ^ w_k|, shape (size,)."""
+        coded = np.concatenate([x, 1.0 - x])
+        overlap: Array = np.minimum(coded, self.weights).sum(axis=1)
+        return self._sums[: self.size] - overlap
+
     def centres(self) -> Array:
         """Middle (w_u + (1 - w_v)) / 2 of each node's box, shape (size, M)."""
         lower, upper = self.weights[:, : self.features], 1.0 - self.weights[:, self.features :]

@@ -29,6 +29,8 @@ from macor_hil.experiments.systems import (
     trial_as_json,
     trial_from_json,
 )
+from macor_hil.graded_map import GradedMap
+from macor_hil.memory import Memory
 from macor_hil.planners.reactive import Reactive
 from macor_hil.reinforcement import Reinforcement
 from macor_hil.sensorimotor_map import Competence, SensorimotorMap
@@ -127,7 +129,8 @@ def _mind(settings: Settings, recording: Recording, clusterer: Clusterer) -> Min
     memory = SensorimotorMap(settings.nodes, len(COMMANDS), settings.competence)
     nodes = situations(clusterer, recording.inputs, learn=False)
     learn_transitions(memory, nodes, recording, settings.reinforcement)
-    return Mind(recording.brain, clusterer, memory)
+    graded = GradedMap(settings.nodes, len(COMMANDS))  # the reactive planner does not look
+    return Mind(recording.brain, clusterer, Memory(memory, graded))
 
 
 def _trials(results: Results, place: str, name: str) -> list[list[Trial]]:

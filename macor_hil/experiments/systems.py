@@ -14,10 +14,13 @@ from macor_hil.bench import Bench
 from macor_hil.brain import FIRST_COMMAND, Brain
 from macor_hil.clustering.clusterer import Clusterer
 from macor_hil.clustering.fuzzy_art import Resonance
+from macor_hil.clustering.membership import Array, memberships
 from macor_hil.drive import Driver
 from macor_hil.errors import BenchError
 from macor_hil.experiments.recording import PUT_DOWN, Recording
+from macor_hil.graded_map import GradedMap
 from macor_hil.hardware import Hardware, open_hardware
+from macor_hil.memory import Memory
 from macor_hil.planners.planner import Planner
 from macor_hil.planners.q_learning import QMap
 from macor_hil.reinforcement import Reinforcement
@@ -35,18 +38,24 @@ class Mind(Brain):
     Args:
         eyes: whose receptive fields and reinforcement are used.
         clusterer: what a situation is.
-        memory: the map of their transitions.
+        memory: what their commands led to.
     """
 
-    def __init__(self, eyes: Brain, clusterer: Clusterer, memory: SensorimotorMap) -> None:
+    def __init__(self, eyes: Brain, clusterer: Clusterer, memory: Memory) -> None:
         super().__init__(eyes.settings)
         self.fields = eyes.fields
-        self.map = memory
+        self.map = memory.map
+        self.graded = memory.graded
         self._clusterer = clusterer
 
     def recognise(self, raw: Features, *, learn: bool) -> Resonance:
         """The situation of untuned features."""
         return self._clusterer.present(self.fields.tune(raw), learn=learn)
+
+    def memberships(self, raw: Features) -> Array:
+        """How much untuned features belong to each situation, shape (n,)."""
+        distances = self._clusterer.distances(self.fields.tune(raw))
+        return memberships(distances, self.graded.nodes, self.settings.width)
 
 
 def learn_transitions(
@@ -73,6 +82,26 @@ def learn_transitions(
             memory.learn_last(j, i, float(r[t]))
         else:
             memory.learn(j, i, float(r[t]))
+
+
+def learn_graded(
+    graded: GradedMap, shares: Array, recording: Recording, earns: Reinforcement
+) -> None:
+    """Count the commands of a recording between graded situations.
+
+    Args:
+        graded: learns.
+        shares: memberships of each frame, shape (T, n), of the first T frames.
+        recording: commands and collisions.
+        earns: what commands earn.
+    """
+    count = len(shares)
+    r = recording.reinforcement(earns)[:count]
+    for t in range(1, count):
+        command = int(recording.commands[t])
+        if command != PUT_DOWN:
+            then = None if recording.collided[t] else shares[t]
+            graded.learn(shares[t - 1], command, then, float(r[t]))
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.clustering.clusterer import situations
+from macor_hil.clustering.clusterer import graded_situations, situations
 from macor_hil.clustering.fuzzy_art import FuzzyArt
+from macor_hil.clustering.membership import WIDTH
 from macor_hil.drive import COMMANDS
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.drawing import draw_seeds, draw_trials
@@ -23,13 +24,17 @@ from macor_hil.experiments.statistics import Order, estimate, order
 from macor_hil.experiments.systems import (
     Course,
     Mind,
+    learn_graded,
     learn_transitions,
     on_course,
     trial_as_json,
     trial_from_json,
 )
+from macor_hil.graded_map import GradedMap
+from macor_hil.memory import Memory
 from macor_hil.planners.anticipative import Anticipative
 from macor_hil.planners.expected import Expected
+from macor_hil.planners.graded import Graded
 from macor_hil.planners.planner import Planner
 from macor_hil.planners.q_learning import QLearning, QMap
 from macor_hil.planners.reactive import Reactive
@@ -55,6 +60,8 @@ class Settings:
     """Planning horizon of Q-learning."""
     competence: Competence = field(default_factory=Competence)
     """Equation 1."""
+    width: float = WIDTH
+    """Of memberships of graded situations."""
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
     """What commands earn, not printed; from the table's means a step."""
     course: Course = field(default_factory=Course)
@@ -72,7 +79,9 @@ Q: Final = "Q-learning"
 WEAK: Final = "Q, gamma 0"
 EXPECTED: Final = "expected value"
 
-SYSTEMS: Final = (REACTIVE, ANTICIPATIVE, Q, WEAK, EXPECTED)
+GRADED: Final = "graded situations"
+
+SYSTEMS: Final = (REACTIVE, ANTICIPATIVE, Q, WEAK, EXPECTED, GRADED)
 
 PAPER: Final = {
     REACTIVE: {"r": (2.8, 0.1), "length": (7.2, 0.4), "step": 0.61, "collisions": 10},
@@ -95,17 +104,22 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     strong, weak = QMap(*size, settings.gamma), QMap(*size, 0.0)
     for memory in (plain, strong, weak):
         learn_transitions(memory, nodes, recording, settings.reinforcement)
+    graded = GradedMap(*size)
+    again = FuzzyArt(inputs.shape[1], settings.nodes, settings.vigilance, settings.alpha)
+    shares = graded_situations(again, inputs, settings.nodes, settings.width)
+    learn_graded(graded, shares, recording, settings.reinforcement)
     systems: dict[str, tuple[SensorimotorMap, Planner]] = {
         REACTIVE: (plain, Reactive()),
         ANTICIPATIVE: (plain, Anticipative()),
         Q: (strong, QLearning()),
         WEAK: (weak, QLearning()),
         EXPECTED: (plain, Expected()),
+        GRADED: (plain, Graded()),
     }
     with on_course(settings.course, seed, settings.drive.drift) as track:
         outline = track.outline().model_dump(mode="json")
         driven = {
-            name: track.drive(Mind(recording.brain, art, memory), planner, seed)
+            name: track.drive(Mind(recording.brain, art, Memory(memory, graded)), planner, seed)
             for name, (memory, planner) in systems.items()
         }
     return {
@@ -142,7 +156,13 @@ def per_seed(results: Results, system: str) -> dict[str, list[float]]:
 def orders(results: Results, criterion: str) -> dict[str, Order]:
     """Tests of the paper's ordering, and of the planner beyond it."""
     values = {system: per_seed(results, system)[criterion] for system in SYSTEMS}
-    pairs = (ANTICIPATIVE, Q), (Q, REACTIVE), (ANTICIPATIVE, REACTIVE), (EXPECTED, ANTICIPATIVE)
+    pairs = (
+        (ANTICIPATIVE, Q),
+        (Q, REACTIVE),
+        (ANTICIPATIVE, REACTIVE),
+        (EXPECTED, ANTICIPATIVE),
+        (GRADED, EXPECTED),
+    )
     return {f"{a} over {b}": order(values[a], values[b]) for a, b in pairs}
 
 
@@ -165,7 +185,7 @@ def draw_figure(_: Settings, results: Results) -> dict[str, Figure]:
     result = results[typical_seed(results)]
     outline = Outline.model_validate(result["outline"])
     shown = {}
-    for system in (REACTIVE, ANTICIPATIVE, Q, EXPECTED):
+    for system in (REACTIVE, ANTICIPATIVE, Q, EXPECTED, GRADED):
         trials = [trial_from_json(value) for value in result["trials"][system]]
         ordered = sorted(trials, key=lambda t: t.length)
         shown[system] = outline, ordered[(len(ordered) - 1) // 2]

@@ -13,8 +13,9 @@ Both can be stopped after any number of wave steps; the decision gets better wit
 import numpy as np
 from numpy.typing import NDArray
 
-from macor_hil.planners.planner import Hypothesis, Plan, best_command, ranked
-from macor_hil.sensorimotor_map import Array, SensorimotorMap
+from macor_hil.memory import Memory
+from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
+from macor_hil.sensorimotor_map import Array
 
 
 class Anticipative:
@@ -29,26 +30,27 @@ class Anticipative:
         self._max_steps = max_steps
         self._threshold = threshold
 
-    def plan(self, memory: SensorimotorMap, start: int) -> Plan:
-        """Evaluate the commands that can follow the neuron `start`."""
-        w_c = memory.w_c
+    def plan(self, memory: Memory, now: Now) -> Plan:
+        """Evaluate the commands that can follow the present neuron."""
+        transitions, start = memory.map, now.neuron
+        w_c = transitions.w_c
         y_a, links, steps = self._spread(w_c, start)
-        y_b = np.zeros(memory.size)
-        successor = np.full(memory.size, -1)
-        best: list[float | None] = [None] * memory.commands
-        firsts = [-1] * memory.commands
+        y_b = np.zeros(transitions.size)
+        successor = np.full(transitions.size, -1)
+        best: list[float | None] = [None] * transitions.commands
+        firsts = [-1] * transitions.commands
         weighed: list[tuple[int, float]] = []
         if w_c[start, start] > 0.0:
-            a = start % memory.commands
-            back = float(memory.w_r[start, start] * w_c[start, start])
+            a = start % transitions.commands
+            back = float(transitions.w_r[start, start] * w_c[start, start])
             best[a] = back
             weighed.append((start, back))
         # from the weakest neuron to the strongest: each is complete before it hands on
         for i in np.flatnonzero(links.any(axis=1))[np.argsort(y_a[links.any(axis=1)])]:
             for j in np.flatnonzero(links[i]):
-                value = memory.w_r[i, j] * y_a[i] + y_b[i]
+                value = transitions.w_r[i, j] * y_a[i] + y_b[i]
                 if j == start:
-                    a = i % memory.commands
+                    a = i % transitions.commands
                     known = best[a]
                     weighed.append((int(i), float(value)))
                     if known is None or value > known:
@@ -65,7 +67,7 @@ class Anticipative:
             steps,
             ranked(
                 (Hypothesis(_sequence(i, successor), value) for i, value in weighed),
-                memory.commands,
+                transitions.commands,
             ),
             tuple(y_a.tolist()),
         )

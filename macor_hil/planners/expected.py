@@ -14,7 +14,8 @@ how it got there, and pooling gives every estimate m times the evidence. The pap
 import numpy as np
 from numpy.typing import NDArray
 
-from macor_hil.planners.planner import Hypothesis, Plan, best_command, ranked
+from macor_hil.memory import Memory
+from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
 from macor_hil.sensorimotor_map import Array, SensorimotorMap
 
 Mask = NDArray[np.bool_]
@@ -34,9 +35,10 @@ class Expected:
         self._max_steps = max_steps
         self._settled = settled
 
-    def plan(self, memory: SensorimotorMap, start: int) -> Plan:
-        """Evaluate the commands that can follow the neuron `start`."""
-        chance, r = pooled_outcomes(memory)
+    def plan(self, memory: Memory, now: Now) -> Plan:
+        """Evaluate the commands that can follow the present neuron."""
+        transitions, start = memory.map, now.neuron
+        chance, r = pooled_outcomes(transitions)
         tried: Mask = chance.sum(axis=2) > 0.0
         reward = (chance * r).sum(axis=2)
         q = np.zeros_like(reward)
@@ -47,7 +49,7 @@ class Expected:
             steps += 1
             if np.abs(q - before).max() < self._settled:
                 break
-        node = start // memory.commands
+        node = start // transitions.commands
         evaluations = tuple(
             float(value) if known else None
             for value, known in zip(q[node], tried[node], strict=True)
@@ -58,7 +60,7 @@ class Expected:
             for a, value in enumerate(evaluations)
             if value is not None
         ]
-        weighed = ranked(hypotheses, memory.commands)
+        weighed = ranked(hypotheses, transitions.commands)
         return Plan(evaluations, command, weighed[0].neurons if weighed else (), steps, weighed)
 
 

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from macor_hil.sensorimotor_map import SensorimotorMap
+from macor_hil.memory import Memory
+from macor_hil.sensorimotor_map import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +43,24 @@ class Plan:
     activities: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Now:
+    """The present moment.
+
+    Attributes:
+        neuron: the situation that the robot is in, entered by its last command.
+        memberships: how much it is in each situation, shape (n,).
+    """
+
+    neuron: int
+    memberships: Array
+
+
 class Planner(Protocol):
     """A way of choosing the next command."""
 
-    def plan(self, memory: SensorimotorMap, start: int) -> Plan:
-        """Evaluate the commands that can follow the neuron `start`."""
+    def plan(self, memory: Memory, now: Now) -> Plan:
+        """Evaluate the commands that can follow the present moment."""
         ...
 
 

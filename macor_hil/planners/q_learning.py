@@ -12,7 +12,8 @@ have occurred; after a collision, or where nothing has followed yet, there is no
 for it. Competence weights are not used.
 """
 
-from macor_hil.planners.planner import Hypothesis, Plan, best_command, ranked
+from macor_hil.memory import Memory
+from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
 from macor_hil.sensorimotor_map import SensorimotorMap
 
 
@@ -50,18 +51,21 @@ class QMap(SensorimotorMap):
 class QLearning:
     """Takes the command of the best stored evaluation; nothing is simulated."""
 
-    def plan(self, memory: SensorimotorMap, start: int) -> Plan:
-        """Evaluate the commands that can follow the neuron `start`."""
-        w_r, z = memory.w_r[:, start], memory.z[:, start]
+    def plan(self, memory: Memory, now: Now) -> Plan:
+        """Evaluate the commands that can follow the present neuron."""
+        transitions, start = memory.map, now.neuron
+        w_r, z = transitions.w_r[:, start], transitions.z[:, start]
         best: list[float | None] = []
         ends: list[int] = []
-        for a in range(memory.commands):
-            outcomes = [i for i in range(a, memory.size, memory.commands) if z[i] > 0]
+        for a in range(transitions.commands):
+            outcomes = [i for i in range(a, transitions.size, transitions.commands) if z[i] > 0]
             end = max(outcomes, key=lambda i: w_r[i], default=-1)
             best.append(float(w_r[end]) if outcomes else None)
             ends.append(end)
         command = best_command(tuple(best))
         sequence = () if command is None else (ends[command],)
         known = ((end, value) for end, value in zip(ends, best, strict=True) if value is not None)
-        hypotheses = ranked((Hypothesis((end,), value) for end, value in known), memory.commands)
+        hypotheses = ranked(
+            (Hypothesis((end,), value) for end, value in known), transitions.commands
+        )
         return Plan(tuple(best), command, sequence, 0, hypotheses)

@@ -1,0 +1,84 @@
+"""Beyond the paper: expected value over graded situations.
+
+The robot is in several situations at once, in each as much as the input belongs to it
+(`clustering.membership`). With b the memberships now,
+
+    Q(k, a) = r(k, a) + gamma * sum over k' of p(k' | k, a) * max over a' of Q(k', a'),
+    value of a = sum over k of b_k * Q(k, a).
+
+That is value iteration on representative states with interpolation between them (kernel-based
+reinforcement learning: Ormoneit and Sen 2002, Kveton and Theocharous 2012), here with Fuzzy ART's
+nodes as the states. Two places that share a nearest node are told apart by their other memberships,
+which is what the paper's planners fail by.
+"""
+
+import numpy as np
+
+from macor_hil.graded_map import DOUBT, Array, GradedMap
+from macor_hil.memory import Memory
+from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
+
+_LONGEST = 12
+"""Situations of a hypothetical sequence at most."""
+
+
+class Graded:
+    """Expected value between the nodes; each step looks one command further ahead.
+
+    Args:
+        gamma: discount of what comes a command later.
+        max_steps: steps at most; the evaluation may settle earlier.
+        settled: change of the evaluations below which they count as settled.
+        doubt: see `graded_map.DOUBT`.
+    """
+
+    def __init__(
+        self,
+        gamma: float = 0.95,
+        max_steps: int = 300,
+        settled: float = 1e-4,
+        doubt: float = DOUBT,
+    ) -> None:
+        self._gamma = gamma
+        self._max_steps = max_steps
+        self._settled = settled
+        self._doubt = doubt
+
+    def plan(self, memory: Memory, now: Now) -> Plan:
+        """Evaluate the commands that can follow the present moment."""
+        graded, b = memory.graded, now.memberships
+        chance, reward = graded.outcomes(self._doubt)
+        q = np.zeros_like(reward)
+        steps = 0
+        while steps < self._max_steps:
+            before, q = q, reward + self._gamma * chance @ q.max(axis=1)
+            steps += 1
+            if np.abs(q - before).max() < self._settled:
+                break
+        tried = b @ graded.tried > 0.0
+        values = b @ q
+        evaluations = tuple(
+            float(value) if known else None for value, known in zip(values, tried, strict=True)
+        )
+        hypotheses = ranked(
+            (
+                Hypothesis(_course(graded, chance, q, b, a), value)
+                for a, value in enumerate(evaluations)
+                if value is not None
+            ),
+            graded.commands,
+        )
+        sequence = hypotheses[0].neurons if hypotheses else ()
+        return Plan(evaluations, best_command(evaluations), sequence, steps, hypotheses)
+
+
+def _course(graded: GradedMap, chance: Array, q: Array, b: Array, a: int) -> tuple[int, ...]:
+    """Where a command and then the best ones lead: the strongest situations, as neurons."""
+    neurons: list[int] = []
+    while len(neurons) < _LONGEST:
+        b = b @ chance[:, a]
+        if b.sum() < 0.5:  # a collision is likelier by now
+            break
+        neurons.append(int(b.argmax()) * graded.commands + a)
+        a = int((b @ q).argmax())
+    return tuple(neurons) or (int(b.argmax()) * graded.commands + a,)

@@ -1,0 +1,121 @@
+"""Graded situations: memberships, shared-out counts, and the planner between the nodes."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from macor_hil.clustering.fuzzy_art import FuzzyArt
+from macor_hil.clustering.membership import memberships
+from macor_hil.graded_map import GradedMap
+from macor_hil.memory import Memory
+from macor_hil.planners.graded import Graded
+from macor_hil.planners.planner import Now
+from macor_hil.sensorimotor_map import SensorimotorMap
+
+
+def at(*shares):
+    return np.array(shares, dtype=float)
+
+
+def now(*shares):
+    return Now(0, at(*shares))
+
+
+def memory_of(graded):
+    return Memory(SensorimotorMap(graded.nodes, graded.commands), graded)
+
+
+@given(arrays(float, st.integers(1, 8), elements=st.floats(0, 20)))
+def test_memberships_sum_to_one_and_fall_with_distance(distances):
+    shares = memberships(distances, 10)
+    assert shares.shape == (10,)
+    assert shares.sum() == pytest.approx(1.0)
+    assert not shares[len(distances) :].any()
+    order = np.argsort(distances, kind="stable")
+    assert (np.diff(shares[order]) <= 1e-12).all()
+
+
+def test_a_membership_falls_to_one_in_e_at_the_width():
+    shares = memberships(np.array([0.0, 0.3]), 2, width=0.3)
+    assert shares[1] / shares[0] == pytest.approx(np.exp(-1))
+
+
+def test_distances_are_how_far_an_input_lies_outside_each_box():
+    art = FuzzyArt(2, 3, vigilance=0.8)
+    art.load(np.array([[0.2, 0.2, 0.6, 0.7], [0.9, 0.9, 0.1, 0.1]]))
+    # the first box goes from (0.2, 0.2) to (0.4, 0.3)
+    assert art.distances(np.array([0.3, 0.25])) == pytest.approx([0.0, 1.25])
+    assert art.distances(np.array([0.5, 0.1])) == pytest.approx([0.1 + 0.1, 1.2])
+
+
+def test_an_experience_is_shared_out_among_the_situations():
+    graded = GradedMap(3, 2)
+    graded.learn(at(0.75, 0.25, 0), 1, at(0, 0.5, 0.5), 0.6)
+    assert graded.tried[:, 1] == pytest.approx([0.75, 0.25, 0])
+    assert graded.earned[:, 1] == pytest.approx([0.45, 0.15, 0])
+    assert graded.led_to[0, 1] == pytest.approx([0, 0.375, 0.375])
+    chance, reward = graded.outcomes(doubt=0.0 + 1e-12)
+    assert chance[1, 1] == pytest.approx([0, 0.5, 0.5])
+    assert reward[:2, 1] == pytest.approx([0.6, 0.6])
+
+
+def test_nothing_follows_a_collision_and_doubt_lowers_what_was_tried_once():
+    graded = GradedMap(2, 1)
+    graded.learn(at(1, 0), 0, None, 0.0)
+    graded.learn(at(0, 1), 0, at(0, 1), 0.5)
+    chance, reward = graded.outcomes(doubt=1.0)
+    assert chance[0, 0].sum() == 0.0
+    assert chance[1, 0].sum() == pytest.approx(0.5)
+    assert reward[1, 0] == pytest.approx(0.25)
+
+
+def test_values_solve_bellmans_equation():
+    rng = np.random.default_rng(3)
+    graded = GradedMap(5, 2)
+    for _ in range(400):
+        b, then = rng.dirichlet(np.ones(5)), rng.dirichlet(np.ones(5))
+        graded.learn(b, int(rng.integers(2)), then if rng.random() < 0.9 else None, rng.random())
+    chance, reward = graded.outcomes(doubt=1.0)
+    planner = Graded(gamma=0.8, settled=1e-12)
+    q = np.array([planner.plan(memory_of(graded), now(*row)).evaluations for row in np.eye(5)])
+    np.testing.assert_allclose(q, reward + 0.8 * chance @ q.max(axis=1), atol=1e-9)
+
+
+def test_it_decides_by_all_situations_that_it_is_in():
+    graded = GradedMap(3, 2)
+    for _ in range(50):
+        graded.learn(at(1, 0, 0), 0, at(1, 0, 0), 0.6)
+        graded.learn(at(1, 0, 0), 1, at(1, 0, 0), 0.5)
+        graded.learn(at(0, 1, 0), 0, None, 0.0)
+        graded.learn(at(0, 1, 0), 1, at(1, 0, 0), 0.5)
+    planner = Graded()
+    assert planner.plan(memory_of(graded), now(1, 0, 0)).command == 0
+    # mostly in the first situation, and still the danger of the second decides
+    assert planner.plan(memory_of(graded), now(0.7, 0.3, 0)).command == 1
+
+
+def test_hypotheses_lead_along_the_strongest_situations():
+    graded = GradedMap(3, 2)
+    for _ in range(200):
+        graded.learn(at(1, 0, 0), 1, at(0, 1, 0), 0.5)
+        graded.learn(at(0, 1, 0), 0, at(0, 0, 1), 0.5)
+        graded.learn(at(0, 0, 1), 0, None, 0.0)
+    plan = Graded().plan(memory_of(graded), now(1, 0, 0))
+    assert plan.command == 1
+    assert plan.sequence == (1 * 2 + 1, 2 * 2 + 0)
+    assert plan.hypotheses[0].evaluation == plan.evaluations[1]
+
+
+def test_nothing_tried_means_no_plan():
+    plan = Graded().plan(memory_of(GradedMap(3, 2)), now(1, 0, 0))
+    assert plan.evaluations == (None, None)
+    assert plan.command is None
+    assert plan.sequence == ()
+
+
+def test_stored_counts_must_fit():
+    graded = GradedMap(3, 2)
+    with pytest.raises(ValueError, match="tried"):
+        graded.load(np.zeros((3, 2, 3)), np.zeros((3, 3)), np.zeros((3, 2)))
