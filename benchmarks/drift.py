@@ -127,7 +127,7 @@ def _run(robot: Khepera, legs: list[Counts], seed: int) -> list[list[float]]:
     for leg in legs:
         target += leg
         before, counters = counters, _go_to(robot, target)
-        pose = integrate(pose, before, counters, pulse=PULSE, wheel_base=WHEEL_BASE)
+        pose = integrate(pose, before, counters)
         true = emulator.truth().pose
         errors.append([true.x - pose.x, true.y - pose.y, _wrap(true.heading - pose.heading)])
     return errors

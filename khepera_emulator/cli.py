@@ -142,6 +142,14 @@ def run(
             " (see docs/khepera-choices.md); repeatable.",
         ),
     ] = None,
+    dead_man: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            metavar="SECONDS",
+            help="The robot stops by itself after so long without a request; a real one rolls on.",
+        ),
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write down what passes on the line (see `replay`)."),
@@ -201,6 +209,7 @@ def run(
             faults=tuple(map(parse_fault, faults)),
             turrets=check_turrets(turret or []),
             choices=parse_choices(firmware or []),
+            dead_man=dead_man,
         )
         _check_robot(robot)
         if link and (tcp or rfc2217):

@@ -47,6 +47,8 @@ class Setup:
         mirror: geometry of its camera.
         turrets: names of what is mounted on it, from `protocol.turrets.TURRETS`.
         choices: of its firmware, where sources leave them open.
+        dead_man: seconds without a request after which the robot stops by itself; None: never, as
+            a real one.
     """
 
     arena: Arena
@@ -58,6 +60,7 @@ class Setup:
     mirror: Mirror = field(default_factory=Mirror)
     turrets: tuple[str, ...] = ()
     choices: Choices = Choices()  # noqa: RUF009 - an immutable value
+    dead_man: float | None = None
 
 
 def _log_fault(happening: Happening) -> None:
@@ -149,6 +152,7 @@ class Emulator:
     def execute(self, line: bytes, moment: float) -> None:
         """Carry out a request that has arrived at a moment; the reply goes on the line."""
         self.uart.send(self._firmware.execute(line), moment)
+        self._robot.heard()
         if self._next_rate is not None:
             # a line that takes no time goes on taking none
             self.uart.baud = self._next_rate if self.uart.baud else None
@@ -231,7 +235,15 @@ class Emulator:
         setup, world = self.setup, self._fleet.world
         self._streams = streams
         self.uart.faults.begin(int(streams.line.integers(2**63)), self.now)
-        self._robot = Robot(world, setup.model, pose, self._drift, streams.driving, self._equipment)
+        self._robot = Robot(
+            world,
+            setup.model,
+            pose,
+            self._drift,
+            streams.driving,
+            self._equipment,
+            setup.dead_man,
+        )
         self._firmware = Firmware(self._robot, self._change_rate)
         self._camera: OmniCamera | None = None
 

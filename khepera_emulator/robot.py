@@ -46,6 +46,7 @@ class Robot:
         drift: what its encoders do not see.
         rng: source of all its randomness: slip, sensor noise and turrets have a stream each.
         equipment: what it carries, and the choices of its firmware.
+        dead_man: seconds without a request after which it stops by itself; None: never.
     """
 
     def __init__(
@@ -56,8 +57,11 @@ class Robot:
         drift: WheelDrift,
         rng: np.random.Generator,
         equipment: Equipment | None = None,
+        dead_man: float | None = None,
     ) -> None:
         self.model = model
+        self._dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
+        self._heard = 0
         self.equipment = equipment or Equipment()
         slip, sensors, turrets = rng.spawn(3)
         self.drift = drift
@@ -80,6 +84,10 @@ class Robot:
         """
         self.wheels = self._wheel(), self._wheel()
         self.panel = Panel()
+
+    def heard(self) -> None:
+        """A request has come: whoever sends them is alive."""
+        self._heard = self.ticks
 
     def put_down(self, pose: Pose) -> None:
         """Move the robot somewhere else and power it on afresh."""
@@ -189,6 +197,9 @@ class Robot:
     def _intend(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Ways in metres that the motors give the wheels in this period, and their slips."""
         left, right = self.wheels
+        if self._dead_man is not None and self.ticks - self._heard >= self._dead_man:
+            left.drive_speed(0)
+            right.drive_speed(0)
         self._free = free_left, free_right = left.control(), right.control()
         # mean of the speeds at both ends of the period, in counts and metres a period
         mean_left, mean_right = (left.speed + free_left) / 2, (right.speed + free_right) / 2

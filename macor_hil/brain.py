@@ -63,6 +63,10 @@ class Brain:
         """What planners look into."""
         return Memory(self.map, self.graded)
 
+    def look_into(self, mirror: Mirror) -> None:
+        """See through another mirror than the one that the map was learned with."""
+        self.unwrap = Unwrapper(mirror, self.settings.panorama)
+
     def look(self, image: Image) -> Features:
         """Untuned features of a mirror image, shape (M,)."""
         return self.fields.raw(self.unwrap(image))

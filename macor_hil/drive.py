@@ -11,12 +11,13 @@ it stands. A guard is asked between any two looks, and what it raises ends the d
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import radians, sqrt
 
 from macor_hil.errors import RobotResetError, StrayedError
+from macor_hil.odometry import Wheels
 from macor_hil.robot import Khepera
-from protocol.units import ACCELERATION_UNIT, PULSE, WHEEL_BASE
+from protocol.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +41,15 @@ class DriveSettings:
     """How commands are driven.
 
     Attributes:
-        pulse: metres a count.
-        wheel_base: metres between the wheels.
-        speed, acceleration: profile of the faster wheel, in the units of J.
+        wheels: what counts mean.
+        speed, acceleration: profile of the faster wheel, in the units of J: 1 to 127 and 1 to 255.
+            No wheel is ever told to turn faster.
         collision: proximity reading of one of the six front and side sensors from which on the
             robot counts as touching. A saturated sensor sees a white wall within 15 to 20 mm.
         patience: seconds that a command may take beyond its profile's time.
     """
 
-    pulse: float = PULSE
-    wheel_base: float = WHEEL_BASE
+    wheels: Wheels = field(default_factory=Wheels)
     speed: int = 20
     acceleration: int = 64
     collision: int = 1000
@@ -124,9 +124,7 @@ class Driver:
         """
         begin = self._target
         self._trail.append(begin)
-        settings = self._settings
-        half = command.turn * settings.wheel_base / 2
-        ways = (command.way - half) / settings.pulse, (command.way + half) / settings.pulse
+        ways = self._settings.wheels.counts(command.way, command.turn)
         self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
         proximity, collided = self._go(self._target, ways, watch=True)
         if collided:
@@ -198,9 +196,9 @@ class Driver:
     def _duration(self, counts: float) -> float:
         """Seconds that the profile needs for a number of counts."""
         settings = self._settings
-        way = counts * settings.pulse
+        way = counts * PULSE
         acceleration = settings.acceleration * ACCELERATION_UNIT
-        top = settings.speed * settings.pulse / 0.010
+        top = settings.speed * SPEED_UNIT
         if way < top**2 / acceleration:
             return 2 * sqrt(way / acceleration)
         return way / top + top / acceleration

@@ -225,7 +225,7 @@ class WheelsEnv(KheperaEnv):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self._unit = self._drive.pulse / 0.010  # m/s of one count / 10 ms
+        self._unit = self._drive.wheels.left / 0.010  # m/s of one count / 10 ms
         top = np.float32(self._drive.speed * self._unit)
         self._period = STRAIGHT.way / float(top)
         self.action_space = spaces.Box(-top, top, (2,), np.float32)
@@ -246,7 +246,7 @@ class WheelsEnv(KheperaEnv):
         left_way, right_way = (speed * self._unit * self._period for speed in (left, right))
         command = MotorCommand(
             "wheels",
-            turn=(right_way - left_way) / settings.wheel_base,
+            turn=(right_way - left_way) / settings.wheels.base,
             way=(left_way + right_way) / 2,
         )
         return command, Outcome(collided, proximity, robot.counters())

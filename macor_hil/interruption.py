@@ -15,7 +15,7 @@ class Interruption:
     in order undisturbed, until `release`. Outside the main thread it does nothing.
 
     Attributes:
-        name: of the first signal that came, such as SIGTERM; empty before.
+        name: of the first signal that came, such as SIGTERM, or of who asked; empty before.
     """
 
     def __init__(self) -> None:
@@ -32,8 +32,12 @@ class Interruption:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
+    def ask(self, name: str) -> None:
+        """End at the next `check`; for other threads."""
+        self.name = self.name or name
+
     def check(self) -> None:
-        """Raise KeyboardInterrupt if a signal has come.
+        """Raise KeyboardInterrupt if a signal has come, or somebody asked.
 
         A KeyboardInterrupt that hits a destructor or a library's callback gets lost there.
         """

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from macor_hil.brain import Brain, Settings
-from macor_hil.errors import MapError
+from macor_hil.errors import MacorError, MapError
 
 FORMAT: Final = "macor map"
 VERSION: Final = 2
@@ -92,17 +92,17 @@ def load_map(path: Path) -> tuple[Brain, dict[str, Any]]:
         raise MapError(f"the map {path} is damaged: {error}") from None
 
 
-def write_atomically(path: Path, data: bytes) -> None:
+def write_atomically(path: Path, data: bytes, failure: type[MacorError] = MapError) -> None:
     """Replace a file by new contents, durably and in one step.
 
     Raises:
-        MapError: the folder cannot be written to.
+        MapError: the folder cannot be written to; or the other `failure` that was asked for.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     except OSError as error:
-        raise MapError(f"cannot write {path}: {error.strerror}") from None
+        raise failure(f"cannot write {path}: {error.strerror}") from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
@@ -112,7 +112,7 @@ def write_atomically(path: Path, data: bytes) -> None:
         Path(name).replace(path)
     except OSError as error:
         Path(name).unlink(missing_ok=True)
-        raise MapError(f"cannot write {path}: {error.strerror}") from None
+        raise failure(f"cannot write {path}: {error.strerror}") from None
 
 
 def _restore(meta: dict[str, Any], arrays: dict[str, Any]) -> Brain:

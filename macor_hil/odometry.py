@@ -1,17 +1,33 @@
 """Odometry: where the robot takes itself to be, from its encoder counts alone."""
 
+from dataclasses import dataclass
 from math import cos, sin
 
 from protocol.side_channel import Pose
+from protocol.units import PULSE, WHEEL_BASE
+
+
+@dataclass(frozen=True, slots=True)
+class Wheels:
+    """What the counts of a robot's wheels mean; `macor-hil calibrate` measures it.
+
+    Attributes:
+        left, right: metres a count.
+        base: metres between the wheels.
+    """
+
+    left: float = PULSE
+    right: float = PULSE
+    base: float = WHEEL_BASE
+
+    def counts(self, way: float, turn: float) -> tuple[float, float]:
+        """Counts of both wheels for an arc of a length in metres that turns by radians."""
+        half = turn * self.base / 2
+        return (way - half) / self.left, (way + half) / self.right
 
 
 def integrate(
-    pose: Pose,
-    before: tuple[int, int],
-    after: tuple[int, int],
-    *,
-    pulse: float,
-    wheel_base: float,
+    pose: Pose, before: tuple[int, int], after: tuple[int, int], wheels: Wheels = Wheels()
 ) -> Pose:
     """The pose after both wheels went on from one counter reading to another.
 
@@ -21,11 +37,11 @@ def integrate(
         pose: the pose at the first reading.
         before: counters then, left and right.
         after: counters now.
-        pulse: metres a count.
-        wheel_base: metres between the wheels.
+        wheels: what counts mean.
     """
-    left, right = ((after[side] - before[side]) * pulse for side in (0, 1))
-    way, turn = (left + right) / 2, (right - left) / wheel_base
+    left = (after[0] - before[0]) * wheels.left
+    right = (after[1] - before[1]) * wheels.right
+    way, turn = (left + right) / 2, (right - left) / wheels.base
     half = turn / 2
     chord = way * (sin(half) / half if abs(half) > 1e-9 else 1.0)
     return Pose(

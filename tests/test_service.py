@@ -54,8 +54,8 @@ def map_file(tmp_path_factory):
 
 @pytest.fixture
 def config(map_file):
-    """Six commands on an embedded robot, unwatched."""
-    return ServiceConfig(PORT, map_file, commands=6, listen=(), connect=())
+    """Six commands on an embedded robot, unwatched; a failure ends the run."""
+    return ServiceConfig(PORT, map_file, commands=6, listen=(), connect=(), recovery=0.0)
 
 
 class Tap:
@@ -297,6 +297,8 @@ def test_a_run_in_another_thread_leaves_signals_alone(config):
 class BlindAfter:
     """A camera that fails at its picture of a number."""
 
+    live = False
+
     def __init__(self, camera, pictures, error):
         self.camera, self.pictures, self.error = camera, pictures, error
 
@@ -401,7 +403,8 @@ port, map_file, connect = sys.argv[1:]
 try:
     report = serve(
         ServiceConfig(
-            port, Path(map_file), baud=57600, commands=10_000, listen=(), connect=(connect,)
+            port, Path(map_file), baud=57600, commands=10_000, listen=(), connect=(connect,),
+            recovery=0.0,
         ),
         lambda decision: print("step", flush=True),
     )

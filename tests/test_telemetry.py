@@ -80,6 +80,7 @@ def test_nothing_is_encoded_while_nobody_listens(endpoint, monkeypatch):
 
 def test_a_watched_camera_publishes_what_it_gives():
     class Camera:
+        live = True
         closed = False
 
         def grab(self):

@@ -6,7 +6,7 @@ from typing import Final
 
 import typer
 
-from macor_hil.cli import driving, learning, ros, watching
+from macor_hil.cli import driving, learning, measuring, ros, watching
 from macor_hil.errors import MacorError
 
 _FAILED: Final = 2
@@ -35,7 +35,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     epilog=_EXAMPLES,
 )
-for _part in (learning, driving, watching, ros):
+for _part in (learning, driving, measuring, watching, ros):
     app.add_typer(_part.app)
 
 

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from macor_hil.brain import Brain, Settings
+from macor_hil.cameras.watch import DEFAULT_LIMIT
 from macor_hil.cli.learning import train
 from macor_hil.cli.options import (
     DEFAULT_MAP,
@@ -16,22 +17,32 @@ from macor_hil.cli.options import (
     BaudOption,
     CameraOption,
     ConnectOption,
+    InfraredOption,
     MapOption,
     PortOption,
+    ProfileOption,
     RobotOption,
     SeedOption,
+    SpeedOption,
+    ZenohConfigOption,
     decision_line,
     hardware_of,
 )
 from macor_hil.demo import DEFAULT_SEED, DemoSettings, run_demo
+from macor_hil.drive import DriveSettings
 from macor_hil.map_file import load_map
 from macor_hil.pictures import draw_trials, draw_view
 from macor_hil.planners import PLANNERS
+from macor_hil.profile import load_profile
 from macor_hil.service import ServiceConfig, serve
+from macor_hil.telemetry.session import open_session
+from macor_hil.telemetry.stop_key import ask_to_stop
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
 INTERRUPTED: Final = 130
 """Exit status after Ctrl-C or SIGTERM."""
+
+_DRIVE: Final = DriveSettings()
 
 app = typer.Typer()
 
@@ -53,12 +64,37 @@ def run(
         list[str], typer.Option(metavar="ENDPOINT", help="Where watchers find this controller.")
     ] = [CONTROLLER_ENDPOINT],  # noqa: B006 - typer copies it
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
+    stop_key: Annotated[
+        bool, typer.Option("--stop-key", help="Let whoever reaches macor/NAME/stop end the run.")
+    ] = False,
+    profile: ProfileOption = None,
+    speed: SpeedOption = _DRIVE.speed,
+    infrared: InfraredOption = _DRIVE.collision,
+    camera_limit: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="Seconds of driving without a usable picture before the robot is stopped; 0: look"
+            " only when it stands.",
+        ),
+    ] = DEFAULT_LIMIT,
+    planner_limit: Annotated[
+        float, typer.Option(min=0.01, help="Seconds of planning after which watchers are told.")
+    ] = 0.5,
+    recovery: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="Seconds to go on trying when robot or camera fail; 0: a failure ends the run.",
+        ),
+    ] = 30.0,
     seed: SeedOption = DEFAULT_SEED,
 ) -> None:
     """Drive a robot live by a map, publishing frames and decisions over Zenoh.
 
     The robot is stopped on every way out: the last command, a collision, Ctrl-C, SIGTERM, an
-    error.
+    error. When robot or camera fail, it is stopped, and the run goes on once both work again.
     """
     config = ServiceConfig(
         port=port,
@@ -71,14 +107,34 @@ def run(
         listen=tuple(listen),
         connect=tuple(connect),
         seed=seed,
+        drive=DriveSettings(speed=speed, collision=infrared),
+        profile=profile,
+        zenoh_config=zenoh_config,
+        stop_key=stop_key,
+        camera_limit=camera_limit,
+        planner_limit=planner_limit,
+        recovery=recovery,
     )
     report = serve(config, lambda decision: typer.echo(decision_line(decision)))
     typer.echo(
         f"{report.ending}: {report.commands} commands, reinforcement {report.reinforcement:.2f};"
-        " the robot stands"
+        + (f" {report.recoveries} failures got over;" if report.recoveries else "")
+        + " the robot stands"
     )
     if report.signal:
         sys.exit(INTERRUPTED)
+
+
+@app.command(epilog="[cyan]macor-hil stop --connect tcp/127.0.0.1:7448[/cyan]")
+def stop(
+    robot: RobotOption = "khepera",
+    connect: ConnectOption = [CONTROLLER_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
+) -> None:
+    """Ask the controller of a robot to stop it; it must have been started with --stop-key."""
+    with open_session([], connect, zenoh_config) as session:
+        ask_to_stop(session, robot)
+    typer.echo(f"the controller of {robot} is stopping it")
 
 
 @app.command(epilog="[cyan]macor-hil look --picture view.png[/cyan]")
@@ -92,10 +148,14 @@ def look(
     baud: BaudOption = 9600,
     robot: RobotOption = "khepera",
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
+    profile: ProfileOption = None,
 ) -> None:
     """Draw what the robot sees now: mirror image, panorama, receptive fields."""
     brain = load_map(map_file)[0] if map_file else Brain(Settings())
-    with hardware_of(port, camera, baud, robot, connect) as hardware:
+    if profile and (mirror := load_profile(profile).mirror):
+        brain.look_into(mirror)
+    with hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware:
         draw_view(picture, brain, hardware.camera.grab().image)
     typer.echo(str(picture))
 

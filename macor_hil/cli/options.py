@@ -15,8 +15,10 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from macor_hil.cameras import Camera, open_camera
 from macor_hil.demo import DEFAULT_SEED
 from macor_hil.hardware import Hardware, is_embedded, open_hardware
+from macor_hil.line import open_port
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 
@@ -34,13 +36,40 @@ PortOption = Annotated[
     str, typer.Option(help="Serial device or pySerial URL; khepera://ARENA is a robot in-process.")
 ]
 CameraOption = Annotated[
-    str, typer.Option(help="auto, port, zenoh\\[:KEY], video:DEVICE or video:FILE.")
+    str,
+    typer.Option(help="auto, port, zenoh\\[:KEY], video:DEVICE, video:FILE or images:FOLDER."),
 ]
 BaudOption = Annotated[int, typer.Option(min=1, help="Rate of the serial line, bits a second.")]
 MapOption = Annotated[Path, typer.Option("--map", help="Map file.")]
 RobotOption = Annotated[str, typer.Option(metavar="NAME", help="The robot's name in Zenoh keys.")]
 ConnectOption = Annotated[
     list[str], typer.Option(metavar="ENDPOINT", help="Zenoh peers, there now or later.")
+]
+ZenohConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Zenoh's own configuration (JSON5), for routers, TLS and access control; --listen and"
+        " --connect then do not count. Examples: docs/zenoh.",
+    ),
+]
+ProfileOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="What was measured on this robot: its wheels, its camera's mirror."
+    ),
+]
+SpeedOption = Annotated[
+    int,
+    typer.Option(min=1, max=127, help="Greatest speed of a wheel, counts / 10 ms (8 mm/s each)."),
+]
+InfraredOption = Annotated[
+    int,
+    typer.Option(
+        min=1,
+        max=1023,
+        help="Proximity reading from which on the robot stops: it counts as touching.",
+    ),
 ]
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of all random choices.")]
 
@@ -60,16 +89,40 @@ def decision_line(decision: Decision) -> str:
 
 @contextmanager
 def hardware_of(
-    port: str, camera: str, baud: int, robot: str, connect: list[str]
+    port: str,
+    camera: str,
+    baud: int,
+    robot: str,
+    connect: list[str],
+    zenoh_config: Path | None = None,
 ) -> Iterator[Hardware]:
     """The hardware, with a Zenoh session where camera or bench are reached over one."""
     with ExitStack() as stack:
         session = None
         if camera.startswith("zenoh") or (camera == "auto" and not is_embedded(port)):
-            session = stack.enter_context(open_session([], connect))
+            session = stack.enter_context(open_session([], connect, zenoh_config))
         yield stack.enter_context(
             open_hardware(port, camera, baud=baud, session=session, name=robot)
         )
+
+
+@contextmanager
+def camera_of(
+    port: str, camera: str, robot: str, connect: list[str], zenoh_config: Path | None = None
+) -> Iterator[Camera]:
+    """A camera alone; of the robot at the port only where the port has one of its own."""
+    if camera == "auto":
+        camera = "port" if is_embedded(port) else "zenoh"
+    with ExitStack() as stack:
+        session = opened = None
+        if camera.startswith("zenoh"):
+            session = stack.enter_context(open_session([], connect, zenoh_config))
+        if camera == "port":
+            opened = open_port(port)
+            stack.callback(opened.close)
+        eyes = open_camera(camera, port=opened, session=session, robot=robot)
+        stack.callback(eyes.close)
+        yield eyes
 
 
 @contextmanager

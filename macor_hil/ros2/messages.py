@@ -76,8 +76,8 @@ def command(decision: Decision, time: int, drive: DriveSettings | None = None) -
     arc = next((each for each in COMMANDS if each.name == decision.command), None)
     if arc is None:
         raise TelemetryError(f"there is no command {decision.command!r}")
-    longer = arc.way + abs(arc.turn) * settings.wheel_base / 2
-    seconds = longer / (settings.speed * settings.pulse / 0.010)
+    longer = arc.way + abs(arc.turn) * settings.wheels.base / 2
+    seconds = longer / (settings.speed * settings.wheels.left / 0.010)
     twist = _twist(arc.way / seconds, arc.turn / seconds)
     return _cdr(ros.geometry_msgs__msg__TwistStamped(_header(time, BODY_FRAME), twist))
 

@@ -90,7 +90,7 @@ def learned_of(brain: Brain) -> Learned:
         fields=Fields(
             sectors=brain.fields.sectors, width=brain.fields.width, channels=list(CHANNELS)
         ),
-        eye=Eye(**asdict(brain.settings.mirror)),
+        eye=Eye(**asdict(brain.unwrap.mirror)),
     )
 
 

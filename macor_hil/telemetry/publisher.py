@@ -85,6 +85,7 @@ class WatchedCamera:
     """A camera whose pictures are published as they are taken."""
 
     def __init__(self, camera: Camera, publish: Callable[[Frame], None]) -> None:
+        self.live = camera.live
         self._camera = camera
         self._publish = publish
 

@@ -85,6 +85,8 @@ class Phase(StrEnum):
 
     STARTING = "starting"
     DRIVING = "driving"
+    LATE = "late"
+    RECOVERING = "recovering"
     STOPPED = "stopped"
     FAILED = "failed"
 
@@ -99,7 +101,7 @@ class State(Payload):
     map: str
     driven: int = Field(ge=0, description="commands driven so far")
     limit: int = Field(ge=0, description="commands after which the run ends")
-    reason: str = Field(default="", description="why it has stopped or failed")
+    reason: str = Field(default="", description="why it is late, recovering, stopped or failed")
 
 
 class Command(Payload):

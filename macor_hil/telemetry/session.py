@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 import zenoh
 
@@ -11,16 +12,21 @@ from protocol.zenoh_config import zenoh_config
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 
-def open_session(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Session:
+def open_session(
+    listen: Sequence[str], connect: Sequence[str], file: Path | None = None
+) -> zenoh.Session:
     """Open a session; use it as a context, a process with an open one may never exit.
 
     Args:
         listen: endpoints to be found at; none: do not listen.
         connect: endpoints of peers, there now or later.
+        file: a configuration file of Zenoh (JSON5); it then counts alone.
 
     Raises:
-        TelemetryError: an endpoint is malformed or in use.
+        TelemetryError: an endpoint is malformed or in use, or the file cannot be used.
     """
+    if file is not None:
+        return _open_from(file)
     try:
         return zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect)))
     except zenoh.ZError as error:
@@ -35,6 +41,14 @@ def open_session(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Session
             f"cannot open a Zenoh session on {', '.join([*listen, *connect])}: {reason}; an"
             " endpoint looks like tcp/127.0.0.1:7448"
         ) from None
+
+
+def _open_from(file: Path) -> zenoh.Session:
+    try:
+        return zenoh.open(zenoh.Config.from_file(str(file)))
+    except zenoh.ZError as error:
+        reason = str(error).partition(" at /")[0]
+        raise TelemetryError(f"cannot open a Zenoh session as {file} says: {reason}") from None
 
 
 def check_robot_name(name: str) -> None:

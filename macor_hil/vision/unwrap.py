@@ -23,9 +23,14 @@ class PanoramaSize:
 
 
 class Unwrapper:
-    """Turns mirror images of one geometry into panoramas."""
+    """Turns mirror images of one geometry into panoramas.
+
+    Attributes:
+        mirror: that geometry.
+    """
 
     def __init__(self, mirror: Mirror, size: PanoramaSize) -> None:
+        self.mirror = mirror
         self._shape = (mirror.height, mirror.width)
         # azimuth counts counter-clockwise from straight ahead, which is up in the mirror image
         azimuth = pi - (np.arange(size.columns) + 0.5) * 2 * pi / size.columns

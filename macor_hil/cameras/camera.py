@@ -1,0 +1,48 @@
+"""What a camera is."""
+
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from macor_hil.vision.unwrap import Image
+
+PATIENCE: Final = 2.0
+"""Seconds that a picture may take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A picture, when it was taken on the camera's clock (seconds), and its number."""
+
+    image: Image
+    time: float
+    sequence: int
+
+
+class Camera(Protocol):
+    """A source of mirror images.
+
+    Attributes:
+        live: whether it shows the present, so that a picture may come late, or again.
+    """
+
+    live: bool
+
+    def grab(self) -> Frame:
+        """A picture of this moment.
+
+        Raises:
+            CameraError: none came, or none that can be read.
+        """
+        ...
+
+    def close(self) -> None:
+        """Give the device back."""
+        ...
+
+
+def as_image(picture: NDArray[np.generic]) -> Image:
+    """A picture as OpenCV gives it, as bytes in three channels."""
+    return np.asarray(picture, dtype=np.uint8)

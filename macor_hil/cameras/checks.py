@@ -1,0 +1,130 @@
+"""Pictures that must not be acted upon, noticed and named: late, frozen, dark, of a wrong size."""
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from macor_hil.cameras.camera import Camera, Frame
+from macor_hil.errors import (
+    CameraDarkError,
+    CameraFrozenError,
+    CameraLateError,
+    WrongPictureError,
+)
+from macor_hil.vision.unwrap import Image
+from protocol.mirror import Mirror
+
+_STEP: Final = 4
+"""Every fourth pixel tells whether a picture is dark."""
+
+_BRIGHT: Final = 99.0
+"""Percentile of grey that stands for the brightest part of a picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class PictureLimits:
+    """What a picture must be like.
+
+    Attributes:
+        size: width and height in pixels; None: any.
+        dark: grey level, 0 to 255, that the brightest hundredth of the pixels must reach.
+        late: seconds that a picture may take to come.
+        repeats: times that the same picture may come again, bit for bit: a sensor's noise makes
+            any two pictures differ.
+    """
+
+    size: tuple[int, int] | None = None
+    dark: float = 24.0
+    late: float = 0.5
+    repeats: int = 0
+
+
+def limits_for(mirror: Mirror) -> PictureLimits:
+    """Limits for the camera that a mirror was described for."""
+    return PictureLimits(size=(mirror.width, mirror.height))
+
+
+class CheckedCamera:
+    """A camera all of whose pictures can be acted upon; for several threads.
+
+    Args:
+        camera: whose pictures are looked at; late and frozen ones are told of a live one only.
+        limits: what they must be like.
+    """
+
+    def __init__(self, camera: Camera, limits: PictureLimits) -> None:
+        self.live = camera.live
+        self._camera = camera
+        self._limits = limits
+        self._lock = threading.Lock()
+        self._last: Frame | None = None
+        self._same = 0
+
+    def grab(self) -> Frame:
+        """A picture of this moment.
+
+        Raises:
+            CameraError: none came, or one that tells nothing of this moment.
+        """
+        with self._lock:
+            begin = time.monotonic()
+            frame = self._camera.grab()
+            seconds = time.monotonic() - begin
+            check_size(frame.image, self._limits)
+            check_light(frame.image, self._limits)
+            if self.live:
+                self._check_time(frame, seconds)
+            return frame
+
+    def close(self) -> None:
+        """Give the device back."""
+        self._camera.close()
+
+    def _check_time(self, frame: Frame, seconds: float) -> None:
+        last, self._last = self._last, frame
+        again = last is not None and np.array_equal(last.image, frame.image)
+        self._same = self._same + 1 if again else 0
+        if self._same > self._limits.repeats:
+            raise CameraFrozenError(
+                f"the camera is frozen: picture {frame.sequence} is the same as the one before,"
+                " bit for bit"
+            )
+        if seconds > self._limits.late:
+            raise CameraLateError(
+                f"picture {frame.sequence} took {seconds:.2f} s to come, {self._limits.late:g} s at"
+                " most are allowed"
+            )
+
+
+def check_size(image: Image, limits: PictureLimits) -> None:
+    """Refuse a picture of another size or format.
+
+    Raises:
+        WrongPictureError: it is not a colour picture of that size.
+    """
+    if limits.size is None:
+        return
+    width, height = limits.size
+    if image.shape != (height, width, 3):
+        raise WrongPictureError(
+            f"the camera gives a picture of shape {image.shape}, the mirror is described for"
+            f" {width} x {height} pixels in colour; check the camera string, or calibrate with:"
+            " macor-hil camera --calibrate"
+        )
+
+
+def check_light(image: Image, limits: PictureLimits) -> None:
+    """Refuse a picture in which nothing can be seen.
+
+    Raises:
+        CameraDarkError: even its brightest part is dark.
+    """
+    brightest = float(np.percentile(image[::_STEP, ::_STEP].max(axis=-1), _BRIGHT))
+    if brightest < limits.dark:
+        raise CameraDarkError(
+            f"the picture is dark: its brightest part has grey level {brightest:.0f} of 255,"
+            f" {limits.dark:.0f} are needed; is the lens covered, or the light off?"
+        )

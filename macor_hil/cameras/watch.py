@@ -1,0 +1,87 @@
+"""A camera that fails while the robot drives is noticed while it drives.
+
+The controller looks once a command, when the robot stands. In between a thread takes pictures and
+throws them away; the driver asks `guard` between any two requests to the robot.
+"""
+
+import threading
+import time
+from typing import Final, Self
+
+from macor_hil.cameras.camera import PATIENCE, Camera
+from macor_hil.errors import CameraError, CameraLostError
+
+DEFAULT_LIMIT: Final = 0.2
+"""Seconds of driving without a picture: what is left of half a second is for the stop."""
+
+_PERIOD: Final = 0.06
+"""Seconds between two pictures."""
+
+_AWAKE: Final = 0.25
+"""Seconds after the last question for which pictures are taken."""
+
+
+class CameraWatch:
+    """Watches a live camera while it is asked for; use as a context.
+
+    Args:
+        camera: checked already, and fit for several threads.
+        limit: seconds of driving without a usable picture.
+    """
+
+    def __init__(self, camera: Camera, limit: float = DEFAULT_LIMIT) -> None:
+        self._camera = camera
+        self._limit = limit
+        self._error: CameraError | None = None
+        self._asked = self._begun = self._seen = float("-inf")
+        self._wake = threading.Event()
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, name="camera watch", daemon=True)
+
+    def __enter__(self) -> Self:
+        if self._camera.live and self._limit > 0.0:
+            self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._closing = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(2 * PATIENCE)
+
+    def guard(self) -> None:
+        """The robot is driving: see that the camera works.
+
+        Raises:
+            CameraError: it does not.
+        """
+        if not self._thread.is_alive():
+            return
+        now = time.monotonic()
+        if now - self._asked > _AWAKE:
+            self._begun, self._error = now, None
+        self._asked = now
+        self._wake.set()
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
+        silence = now - max(self._begun, self._seen)
+        if silence > self._limit:
+            self._asked = float("-inf")  # the next drive begins anew
+            raise CameraLostError(
+                f"no picture has come for {silence:.2f} s while the robot drives,"
+                f" {self._limit:g} s at most are allowed"
+            )
+
+    def _run(self) -> None:
+        while not self._closing:
+            if time.monotonic() - self._asked > _AWAKE:
+                self._wake.clear()
+                self._wake.wait()
+                continue
+            try:
+                self._camera.grab()
+                self._seen = time.monotonic()
+            except CameraError as error:
+                self._error = error
+            time.sleep(_PERIOD)

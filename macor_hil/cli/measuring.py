@@ -1,0 +1,106 @@
+"""Commands that measure a robot and write what they find into its profile."""
+
+from math import isfinite, nan
+from pathlib import Path
+from typing import Annotated, Final
+
+import cv2
+import typer
+
+from macor_hil.cameras.checks import CheckedCamera, PictureLimits, limits_for
+from macor_hil.cli.options import (
+    DEFAULT_PORT,
+    CameraOption,
+    ConnectOption,
+    PortOption,
+    RobotOption,
+    ZenohConfigOption,
+    camera_of,
+)
+from macor_hil.errors import CameraError
+from macor_hil.profile import change_profile, load_profile
+from macor_hil.vision.mirror_fit import draw_mirror, find_mirror
+from macor_hil.vision.unwrap import Image
+from protocol.mirror import Mirror
+from protocol.side_channel import DEFAULT_ENDPOINT
+
+DEFAULT_PROFILE: Final = Path("runs/robot.json")
+
+app = typer.Typer()
+
+ProfileFile = Annotated[Path, typer.Option("--profile", metavar="FILE", help="Robot's profile.")]
+
+
+@app.command(epilog="[cyan]macor-hil camera --camera video:0 --calibrate[/cyan]")
+def camera(
+    port: PortOption = DEFAULT_PORT,
+    camera: CameraOption = "auto",
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate", help="Find the mirror's centre and rims, and write them into --profile."
+        ),
+    ] = False,
+    centre: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="The mirror's centre, instead of a search.")
+    ] = None,
+    inner: Annotated[
+        float | None, typer.Option(min=0.0, help="Radius of its inner rim, pixels.")
+    ] = None,
+    outer: Annotated[
+        float | None, typer.Option(min=1.0, help="Radius of its outer rim, pixels.")
+    ] = None,
+    profile: ProfileFile = DEFAULT_PROFILE,
+    picture: Annotated[
+        Path, typer.Option(help="PNG file to draw the mirror into, as it is described.")
+    ] = Path("runs/mirror.png"),
+    robot: RobotOption = "khepera",
+    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
+) -> None:
+    """Look through a camera: is its picture usable, and where does the mirror lie in it?
+
+    Draws the picture with the mirror's rims and straight ahead, to be looked at.
+    """
+    with camera_of(port, camera, robot, connect, zenoh_config) as eyes:
+        if calibrate:
+            image = CheckedCamera(eyes, PictureLimits()).grab().image
+            mirror = _given(image, centre, inner, outer) or find_mirror(image)
+            note = f"{image.shape[1]} x {image.shape[0]} pixels from the camera {camera}"
+            change_profile(profile, ("mirror", note), mirror=mirror)
+        else:
+            mirror = (load_profile(profile).mirror if profile.exists() else None) or Mirror()
+            image = _usable(CheckedCamera(eyes, limits_for(mirror)))
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    if not cv2.imwrite(str(picture), draw_mirror(image, mirror)):
+        raise CameraError(f"cannot write the picture {picture}")
+    typer.echo(
+        f"centre {mirror.centre_x:g}, {mirror.centre_y:g}; inner rim {mirror.inner:g}, outer rim"
+        f" {mirror.outer:g} pixels; {'written to ' + str(profile) if calibrate else 'usable'};"
+        f" look at {picture}"
+    )
+
+
+def _usable(camera: CheckedCamera) -> Image:
+    """A picture that can be acted upon; of a live camera the second one, so that ice shows."""
+    image = camera.grab().image
+    return camera.grab().image if camera.live else image
+
+
+def _given(
+    image: Image, centre: str | None, inner: float | None, outer: float | None
+) -> Mirror | None:
+    """The mirror that was measured by hand, or None."""
+    if centre is None and inner is None and outer is None:
+        return None
+    try:
+        x, y = (float(word) for word in (centre or "").split(","))
+    except ValueError:
+        x, y = nan, nan
+    if inner is None or outer is None or not (isfinite(x + y) and inner < outer):
+        raise CameraError(
+            "a mirror measured by hand needs --centre X,Y, --inner and --outer, in pixels, the"
+            " inner rim smaller than the outer one"
+        )
+    height, width = image.shape[:2]
+    return Mirror(width=width, height=height, centre_x=x, centre_y=y, inner=inner, outer=outer)

@@ -1,0 +1,76 @@
+"""A controller as a process of its own: `python controller_process.py JSON`.
+
+The JSON text holds the fields of `ServiceConfig`, the wheels' greatest `speed`, and `trouble`:
+`slow planner` (it takes seconds once the robot has made a step), `exception` (a defect while the
+robot drives). A line `step` is printed for each decision, the end of the run or its error last.
+"""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+from macor_hil import service
+from macor_hil.drive import DriveSettings
+from macor_hil.errors import MacorError
+from macor_hil.planners.reactive import Reactive
+from macor_hil.robot import Khepera
+
+SLOW = 2.5
+
+
+class SlowPlanner:
+    """Takes its time at the third decision."""
+
+    def __init__(self):
+        self.left = 2
+
+    def plan(self, memory, start):
+        self.left -= 1
+        if self.left == -1:
+            print("slow", flush=True)
+            time.sleep(SLOW)
+        return Reactive().plan(memory, start)
+
+
+def break_in_mid_drive():
+    """The driver's look at the sensors fails while the wheels turn, in the third command."""
+    look, go = Khepera.proximity, Khepera.go_to
+    moves = []
+
+    def counted(robot, *target):
+        moves.append(target)
+        go(robot, *target)
+
+    def broken(robot):
+        seen = look(robot)
+        if len(moves) == 3 and abs(robot.request("E").values[0]) > 5:
+            print("broken", flush=True)
+            raise ZeroDivisionError("a defect")
+        return seen
+
+    Khepera.go_to, Khepera.proximity = counted, broken
+
+
+def main():
+    fields = json.loads(sys.argv[1])
+    trouble = fields.pop("trouble", "")
+    if trouble == "slow planner":
+        service.PLANNERS = {**service.PLANNERS, "slow": SlowPlanner}
+        fields["planner"] = "slow"
+    elif trouble == "exception":
+        break_in_mid_drive()
+    paths = {"map_file", "profile", "zenoh_config"}
+    drive = DriveSettings(speed=fields.pop("speed", DriveSettings().speed))
+    values = {k: Path(v) if k in paths else v for k, v in fields.items()}
+    try:
+        report = service.serve(
+            service.ServiceConfig(drive=drive, **values), lambda _: print("step", flush=True)
+        )
+        print(report.ending.value, report.signal, report.recoveries, flush=True)
+    except MacorError as error:
+        print(f"{type(error).__name__}: {error}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,233 @@
+"""A whole bench in processes: emulator, a camera that can fail, controller, a stop watch.
+
+The stop watch reads the emulator's own clock and speeds: what is measured is what the robot did.
+"""
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import zenoh
+from emulator_process import PATIENCE, EmulatorProcess, free_endpoint
+
+from macor_hil.bench import ZenohBench
+from macor_hil.errors import BenchError
+from macor_hil.telemetry.session import open_session
+from protocol.side_channel import Reset
+
+MOVING = 0.012
+"""m/s: the wheels turn; a command at speed 2 has just begun."""
+
+STANDING = 0.004
+"""m/s: half a unit of the speed controller."""
+
+RELAYED = "relay/camera"
+_REST = 0.6
+"""Seconds without motion that are no pause between two commands."""
+
+
+class CameraRelay:
+    """Passes the emulator's pictures on under another key, or does as its `mode` says.
+
+    Modes: pass, lost (no answer), frozen, late, dark, small, garbage.
+    """
+
+    def __init__(self, session, robot="khepera"):
+        self.mode = "pass"
+        self._session = session
+        self._key = f"khepera/{robot}/camera"
+        self._last = None
+        self._queryable = session.declare_queryable(RELAYED, self._take)
+
+    def _take(self, query):
+        # an answer may take long, and the next question must not wait for it
+        threading.Thread(target=self._answer, args=(query,), daemon=True).start()
+
+    def _answer(self, query):
+        with query:
+            mode = self.mode
+            if mode == "lost":
+                time.sleep(3.0)
+                return
+            if mode == "late":
+                time.sleep(0.8)
+            if mode != "frozen" or self._last is None:
+                replies = [r.ok for r in self._session.get(self._key, timeout=2.0) if r.ok]
+                if not replies:
+                    return
+                self._last = replies[0].payload.to_bytes(), replies[0].attachment.to_bytes()
+            data, stamp = self._last
+            query.reply(RELAYED, self._spoil(data, mode), attachment=stamp)
+
+    @staticmethod
+    def _spoil(data, mode):
+        if mode == "garbage":
+            return b"\xff\xd8 no picture"
+        if mode not in ("dark", "small"):
+            return data
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        image = image // 20 if mode == "dark" else cv2.resize(image, (80, 80))
+        return cv2.imencode(".png", image)[1].tobytes()
+
+
+class Controller:
+    """A controller process; what it says is in `lines` as it comes."""
+
+    def __init__(self, command, **popen):
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **popen
+        )
+        self.lines = []
+        self._came = threading.Condition()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            with self._came:
+                self.lines.append(line.rstrip("\n"))
+                self._came.notify_all()
+        with self._came:
+            self.lines.append(None)
+            self._came.notify_all()
+
+    def wait_for(self, condition, patience=PATIENCE):
+        """Wait until what has been said meets a condition."""
+        with self._came:
+            met = self._came.wait_for(lambda: condition(self.lines) or None in self.lines, patience)
+        if not met or not condition(self.lines):
+            said = [line for line in self.lines if line != "step"]
+            errors = self.process.stderr.read() if self.process.poll() is not None else ""
+            raise AssertionError(f"the controller said {said} after {self.steps()} steps {errors}")
+
+    def steps(self):
+        return self.lines.count("step")
+
+    def wait_for_steps(self, more=1, patience=PATIENCE):
+        wanted = self.steps() + more
+        self.wait_for(lambda lines: lines.count("step") >= wanted, patience)
+
+    def end(self):
+        """Wait for the end; what was said last."""
+        self.process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        return next((line for line in reversed(self.lines) if line not in (None, "step")), "")
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        self.process.stdout.close()
+        self.process.stderr.close()
+
+
+class Rig:
+    """Emulator on a linked terminal, relay and bench; controllers on demand."""
+
+    def __init__(self, folder, *options, baud=57600, arena="open-box", relay=True):
+        self.folder = Path(folder)
+        self.link = self.folder / "robot"
+        self.endpoint, self.controller_endpoint = free_endpoint(), free_endpoint()
+        self.baud = baud
+        self._options = (
+            *("--arena", arena, "--link", str(self.link), "--listen", self.endpoint),
+            *("--baud", str(baud), *options),
+        )
+        self.emulator = EmulatorProcess(*self._options)
+        self.session = open_session([], [self.endpoint])
+        self.bench = ZenohBench(self.session, "khepera")
+        self.relay = CameraRelay(self.session) if relay else None
+        self.controllers = []
+
+    def restart_emulator(self):
+        self.emulator.end(9)
+        self.emulator = EmulatorProcess(*self._options)
+
+    def controller(self, map_file, **fields):
+        """Start a controller on the relayed camera."""
+        values = {
+            "port": str(self.link),
+            "map_file": str(map_file),
+            "camera": f"zenoh:{RELAYED}" if self.relay else "zenoh",
+            "baud": self.baud,
+            "commands": 10_000,
+            "planner": "reactive",
+            "listen": [self.controller_endpoint],
+            "connect": [self.endpoint],
+            **fields,
+        }
+        script = Path(__file__).with_name("controller_process.py")
+        return self.start([sys.executable, str(script), json.dumps(values)])
+
+    def start(self, command, **popen):
+        self.controllers.append(Controller(command, **popen))
+        return self.controllers[-1]
+
+    def truth(self):
+        """Clock and speed of the faster wheel."""
+        truth = self.bench.truth()
+        return truth.time, max(map(abs, truth.speed))
+
+    def wait_until_moving(self, patience=PATIENCE):
+        end = time.monotonic() + patience
+        while self.truth()[1] < MOVING:
+            assert time.monotonic() < end, "the robot does not move"
+
+    def time_to_stand(self, longest=5.0):
+        """Seconds on the emulator's clock from now until the robot stands for good."""
+        start = self.truth()[0]
+        last_moving = start
+        while True:
+            now, speed = self.truth()
+            if speed > STANDING:
+                last_moving = now
+            if now - last_moving > _REST or now - start > longest:
+                return last_moving - start
+
+    def stops_within(self, limit, attempt, attempts=3):
+        """Whether the robot comes to stand in time; a machine busy with others gets more tries.
+
+        `attempt` makes it stop. A robot that only ends its command takes more than a second.
+        """
+        times = []
+        for _ in range(attempts):
+            attempt()
+            times.append(self.time_to_stand())
+            if times[-1] < limit:
+                return True
+        raise AssertionError(f"the robot stood after {times} s")
+
+    def make_ready(self):
+        """As new: no controller, a good camera, the robot at its start."""
+        self.end_controllers()
+        if self.relay:
+            self.relay.mode = "pass"
+        self.bench.reset(Reset(seed=1))
+
+    def end_controllers(self):
+        while self.controllers:
+            self.controllers.pop().close()
+
+    def close(self):
+        self.end_controllers()
+        self.session.close()
+        self.emulator.end()
+
+
+@contextmanager
+def rig(folder, *options, **settings):
+    bench = Rig(folder, *options, **settings)
+    try:
+        yield bench
+    finally:
+        bench.close()
+
+
+__all__ = ["MOVING", "STANDING", "BenchError", "CameraRelay", "Controller", "Rig", "rig", "zenoh"]

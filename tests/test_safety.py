@@ -1,0 +1,179 @@
+"""A robot that must stop stands within half a second, on its own clock; then it goes on or ends."""
+
+import json
+import os
+import signal
+import sys
+
+import pytest
+from rig import rig
+
+from macor_hil.brain import Brain, Settings
+from macor_hil.drive import Driver
+from macor_hil.hardware import open_hardware
+from macor_hil.map_file import save_map
+from macor_hil.telemetry.session import open_session
+from macor_hil.telemetry.stop_key import ask_to_stop
+from macor_hil.training import Schedule, Trainer
+
+LIMIT = 0.5
+"""Seconds; what the controller promises."""
+
+
+@pytest.fixture(scope="module")
+def map_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("maps") / "short.npz"
+    schedule = Schedule(tuning=15, random=60, reactive=0, session=60)
+    with open_hardware("khepera://open-box?seed=1&drift=none") as hardware:
+        brain = Brain(Settings())
+        trainer = Trainer(brain, Driver(hardware.robot), hardware.camera, hardware.bench, schedule)
+        for session in schedule.sessions():
+            trainer.run(session, lambda _: None)
+    save_map(path, brain, {})
+    return path
+
+
+@pytest.fixture(scope="module")
+def shared_bench(tmp_path_factory):
+    with rig(tmp_path_factory.mktemp("bench")) as running:
+        yield running
+
+
+@pytest.fixture
+def bench(shared_bench):
+    shared_bench.make_ready()
+    yield shared_bench
+    shared_bench.end_controllers()
+
+
+def drive(bench, map_file, **fields):
+    """A controller whose commands take more than a second, at the beginning of one."""
+    controller = bench.controller(map_file, speed=2, **fields)
+    controller.wait_for_steps(1)
+    bench.wait_until_moving()
+    return controller
+
+
+def interrupted(controller):
+    """End a controller; how many failures it had got over."""
+    os.kill(controller.process.pid, signal.SIGTERM)
+    ending, recoveries = controller.end().rsplit(maxsplit=1)
+    assert ending == "interrupted SIGTERM"
+    return int(recoveries)
+
+
+@pytest.mark.parametrize("mode", ["lost", "frozen", "late", "dark", "small", "garbage"])
+def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, mode):
+    controller = drive(bench, map_file)
+
+    def fail():
+        if bench.relay.mode != "pass":
+            bench.relay.mode = "pass"
+            controller.wait_for_steps(1)
+            bench.wait_until_moving()
+        bench.relay.mode = mode
+
+    assert bench.stops_within(LIMIT, fail)
+    bench.relay.mode = "pass"
+    controller.wait_for_steps(2)
+    assert interrupted(controller) > 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_the_robot(bench, map_file, number):
+    controllers = []
+
+    def interrupt():
+        controllers.append(drive(bench, map_file))
+        os.kill(controllers[-1].process.pid, number)
+
+    assert bench.stops_within(LIMIT, interrupt)
+    assert controllers[-1].end().startswith(f"interrupted {signal.Signals(number).name}")
+
+
+def test_a_stop_request_stops_the_robot(bench, map_file):
+    controllers = []
+
+    def ask():
+        controllers.append(drive(bench, map_file, stop_key=True))
+        with open_session([], [bench.controller_endpoint]) as session:
+            ask_to_stop(session, "khepera")
+
+    assert bench.stops_within(LIMIT, ask)
+    assert controllers[-1].end().startswith("interrupted the stop key")
+
+
+def test_the_stop_key_is_off_unless_asked_for(bench, map_file):
+    controller = drive(bench, map_file)
+    with open_session([], [bench.controller_endpoint]) as session:
+        session.put("macor/khepera/stop", "now")
+        assert not [reply for reply in session.get("macor/khepera/stop", timeout=2.0) if reply.ok]
+    controller.wait_for_steps(2)
+
+
+def test_the_robot_stands_while_a_planner_is_late(bench, map_file):
+    phases = []
+    with open_session([], [bench.controller_endpoint]) as session:
+        session.declare_subscriber(
+            "macor/khepera/state", lambda sample: phases.append(phase(sample))
+        )
+
+        def wait_for_the_planner():
+            bench.end_controllers()
+            controller = bench.controller(map_file, speed=2, trouble="slow planner")
+            controller.wait_for(lambda lines: "slow" in lines)
+
+        assert bench.stops_within(LIMIT, wait_for_the_planner)
+        bench.controllers[-1].wait_for_steps(2)
+    assert "late" in phases
+
+
+def phase(sample):
+    return json.loads(sample.payload.to_string())["phase"]
+
+
+def test_a_defect_in_mid_drive_stops_the_robot(bench, map_file):
+    def break_down():
+        controller = bench.controller(map_file, trouble="exception")
+        controller.wait_for(lambda lines: "broken" in lines)
+
+    assert bench.stops_within(LIMIT, break_down)
+    assert bench.controllers[-1].process.wait(30) == 1
+
+
+ROLLING = """
+import os, signal, sys
+from macor_hil.robot import Khepera, open_port
+robot = Khepera(open_port(sys.argv[1], 57600))
+robot.set_speed(-15, 15)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def kill_a_rolling_controller(bench):
+    controller = bench.start([sys.executable, "-c", ROLLING, str(bench.link)])
+    assert controller.process.wait(30) == -signal.SIGKILL
+
+
+def test_a_robot_rolls_on_when_its_controller_was_killed(bench):
+    kill_a_rolling_controller(bench)
+    assert bench.time_to_stand(longest=1.5) > 1.4
+
+
+def test_a_robot_with_a_dead_man_stop_does_not(tmp_path):
+    with rig(tmp_path, "--dead-man", "0.3") as bench:
+        kill_a_rolling_controller(bench)
+        assert bench.time_to_stand() < 0.3 + 0.15
+
+
+def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(bench, map_file):
+    controller = drive(bench, map_file)
+    controller.process.kill()
+    assert 0.6 < bench.time_to_stand() < 2.0  # the rest of its command
+
+
+def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(bench, map_file):
+    controller = drive(bench, map_file)
+    bench.restart_emulator()
+    controller.wait_for_steps(3)
+    assert interrupted(controller) > 0
