@@ -19,10 +19,10 @@ from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.interruption import Interruption
+from macor_hil.memory import Memory
 from macor_hil.odometry import integrate
-from macor_hil.planners.planner import Plan, Planner
+from macor_hil.planners.planner import Now, Plan, Planner
 from macor_hil.robot import Khepera
-from macor_hil.sensorimotor_map import SensorimotorMap
 from macor_hil.service_config import Ending, ServiceConfig
 from macor_hil.telemetry.decisions import decision_of, learned_of, link_of
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
@@ -257,7 +257,7 @@ class _TimedPlanner:
         self._planner = planner
         self._watched = watched
 
-    def plan(self, memory: SensorimotorMap, start: int) -> Plan:
+    def plan(self, memory: Memory, now: Now) -> Plan:
         """What the planner makes of it."""
         with self._watched():
-            return self._planner.plan(memory, start)
+            return self._planner.plan(memory, now)

@@ -25,12 +25,12 @@ class SlowPlanner:
     def __init__(self):
         self.left = 2
 
-    def plan(self, memory, start):
+    def plan(self, memory, now):
         self.left -= 1
         if self.left == -1:
             print("slow", flush=True)
             time.sleep(SLOW)
-        return Reactive().plan(memory, start)
+        return Reactive().plan(memory, now)
 
 
 def break_in_mid_drive():
