@@ -181,7 +181,7 @@ def test_the_robot_stands_when_the_environment_is_closed():
 
 def test_the_example_trains_and_scores_a_learner():
     done = subprocess.run(
-        [sys.executable, EXAMPLE, "--budget", "60", "--trials", "1"],
+        [sys.executable, EXAMPLE, "--experience", "60", "--trials", "1"],
         capture_output=True,
         text=True,
         timeout=PATIENCE,

@@ -17,7 +17,6 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 PACKAGES = ("protocol", "khepera_emulator", "macor_hil")
 
 NEEDS = {
-    "cma": "gymnasium",
     "gymnasium": "gymnasium",
     "joblib": "experiments",
     "matplotlib": "pictures",

@@ -37,13 +37,11 @@ def situations(clusterer: Clusterer, inputs: Array, *, learn: bool) -> NDArray[n
     return np.array([clusterer.present(x, learn=learn).node for x in inputs], dtype=np.int64)
 
 
-def graded_situations(
-    clusterer: Clusterer, inputs: Array, nodes: int, width: float, *, learn: bool
-) -> Array:
+def graded_situations(clusterer: Clusterer, inputs: Array, nodes: int, width: float) -> Array:
     """Present inputs of shape (T, M) in their order; the memberships of each, shape (T, nodes)."""
     shares: Array = np.zeros((len(inputs), nodes))
     for share, x in zip(shares, inputs, strict=True):
-        clusterer.present(x, learn=learn)
+        clusterer.present(x)
         share[:] = memberships(clusterer.distances(x), nodes, width)
     return shares
 

@@ -1,0 +1,25 @@
+"""Health of a container: is there a liveliness token under a key, at a Zenoh endpoint?
+
+python health.py tcp/127.0.0.1:7447 'khepera/*/alive'
+"""
+
+import sys
+
+import zenoh
+
+from protocol.zenoh_config import zenoh_config
+
+PATIENCE = 3.0
+"""Seconds that the answer may take."""
+
+
+def main() -> int:
+    """Exit status: 0 if the token is there, 1 if not."""
+    endpoint, key = sys.argv[1:]
+    with zenoh.open(zenoh.Config.from_json5(zenoh_config([], [endpoint]))) as session:
+        replies = session.liveliness().get(key, timeout=PATIENCE)
+        return 0 if any(reply.ok for reply in replies) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

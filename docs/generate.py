@@ -1,0 +1,114 @@
+"""Writes the pages of the reference that code can tell: python docs/generate.py."""
+
+import sys
+from itertools import groupby
+from pathlib import Path
+
+from typer.main import get_command
+from typer.testing import CliRunner
+
+import khepera_emulator.cli
+import macor_hil.cli
+from macor_hil.telemetry.keys_page import keys_page
+from protocol.commands import COMMANDS, TOOLS, Beyond, Field
+
+DOCS = Path(__file__).parent
+
+PROGRAMS = {"macor-hil": macor_hil.cli.app, "khepera-emulator": khepera_emulator.cli.app}
+
+_NARROW = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
+
+
+def commands_page() -> str:
+    """The help of both programs and all of their commands."""
+    lines = [
+        "# The command lines",
+        "",
+        "What `--help` says, on one page; `python docs/generate.py` writes it.",
+    ]
+    for name, app in PROGRAMS.items():
+        lines += ["", f"## {name}", "", *_help(name)]
+        for command in get_command(app).commands:
+            lines += ["", f"### {name} {command}", "", *_help(name, command)]
+    return "\n".join(lines) + "\n"
+
+
+def _help(program: str, *command: str) -> list[str]:
+    runner = CliRunner(env=_NARROW)
+    said = runner.invoke(PROGRAMS[program], [*command, "--help"], prog_name=program).output
+    lines = "\n".join(line.rstrip() for line in said.splitlines())
+    return ["```text", lines.strip("\n"), "```"]
+
+
+def protocol_page() -> str:
+    """The table of serial commands."""
+    lines = [
+        "# The serial protocol",
+        "",
+        "The requests that a Khepera answers, from the table that both ends are built on",
+        "(`protocol/commands.py`; `python docs/generate.py` writes this page). A request is a",
+        "letter and its numbers, separated by commas, and ends with CR or LF; the reply begins",
+        "with the letter in lower case and ends with CR LF. What is no request gets",
+        "`z,Protocol error`. Where the manual is silent, see [choices](khepera-choices.md).",
+        "",
+        "| letter | command | request | reply |",
+        "|---|---|---|---|",
+    ]
+    for command in COMMANDS.values():
+        text = ", text" if command.open_ended else ""
+        request = _fields(command.request, asked=True) + text
+        reply = _fields(command.reply, asked=False) + text
+        lines.append(f"| `{command.letter}` | {command.title} | {request} | {reply} |")
+    lines += [
+        "",
+        "A number that is out of range gets `z,Protocol error`; where *nearest* stands, the robot",
+        "takes the nearest one of the range instead.",
+        "",
+        "## Tools of the ROM",
+        "",
+        "| word | what it does |",
+        "|---|---|",
+        *(f"| `{word}` | {what} |" for word, what in TOOLS.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+PAGES = {"keys.md": keys_page, "commands.md": commands_page, "protocol.md": protocol_page}
+"""Pages by file name."""
+
+
+def _fields(fields: tuple[Field, ...], *, asked: bool) -> str:
+    """Fields of a request or a reply; neighbours of the same range and unit together."""
+    groups = groupby(fields, key=lambda field: _details(field, asked=asked))
+    return _cell(
+        ", ".join(
+            ", ".join(field.name for field in group) + (f" ({details})" if details else "")
+            for details, group in groups
+        )
+    )
+
+
+def _details(field: Field, *, asked: bool) -> str:
+    if field.low == field.high:
+        return ""
+    details = [f"{field.low} to {field.high}"]
+    if field.unit:
+        details.append(field.unit)
+    if asked and field.beyond is Beyond.CLAMP:
+        details.append("*nearest*")
+    return "; ".join(details)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "&lt;")
+
+
+def main() -> None:
+    """Write the pages."""
+    for name, page in PAGES.items():
+        (DOCS / name).write_text(page(), "utf-8")
+        sys.stdout.write(f"{DOCS / name}\n")
+
+
+if __name__ == "__main__":
+    main()

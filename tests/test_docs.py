@@ -1,0 +1,134 @@
+"""The documentation: its commands run, its links lead somewhere, what is generated is current."""
+
+import importlib.util
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from docs_runner import ELSEWHERE, PROGRAMS, ROOT, blocks, elsewhere
+from emulator_process import PATIENCE
+from typer.testing import CliRunner
+
+from khepera_emulator.cli import app as emulator
+from macor_hil.cli import app as controller
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+APPS = {"macor-hil": controller, "khepera-emulator": emulator}
+RUNNER = Path(__file__).with_name("docs_runner.py")
+VARIABLE = re.compile(r"[A-Z_]+=")
+NETWORK = ["unshare", "--map-root-user", "--net"]
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
+    "optional-dependencies"
+]
+
+
+def commands(page):
+    return [c for block in blocks(page) if block.language == "sh" for c in block.commands()]
+
+
+def names(pages):
+    return [str(page.relative_to(ROOT)) for page in pages]
+
+
+def has_own_network():
+    tools = shutil.which("unshare") and shutil.which("ip")
+    return bool(tools) and not subprocess.run([*NETWORK, "true"], check=False).returncode
+
+
+RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in commands(page))]
+
+
+@pytest.mark.timeout(10 * PATIENCE)
+@pytest.mark.parametrize("page", RUNNABLE, ids=names(RUNNABLE))
+def test_the_commands_of_a_page_run(page, tmp_path):
+    if not has_own_network():
+        pytest.skip("the pages' well-known ports need a network namespace (unshare, ip)")
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        [*NETWORK, sys.executable, RUNNER, page, tmp_path],
+        env={**os.environ, "PATH": path},
+        capture_output=True,
+        text=True,
+        timeout=8 * PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        pytest.param(block.text, id=f"{page.name}:{block.line}")
+        for page in PAGES
+        if page.parent.name == "docs"
+        for block in blocks(page)
+        if block.language == "python"
+    ],
+)
+def test_the_python_of_a_page_runs(code):
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=PATIENCE)
+
+
+@pytest.mark.parametrize(
+    "command",
+    sorted({command for page in PAGES for command in commands(page) if elsewhere(command)}),
+)
+def test_commands_that_run_elsewhere_are_commands(command):
+    program, *arguments = (word for word in shlex.split(command) if not VARIABLE.match(word))
+    if program in APPS:
+        # where an option is unknown, there is an error instead of help
+        done = CliRunner().invoke(APPS[program], [*arguments, "--help"])
+        assert done.exit_code == 0, done.output
+    elif program == "make":
+        subprocess.run(["make", "-n", *arguments], cwd=ROOT, check=True, capture_output=True)
+    elif program == "pip":
+        for extra in re.findall(r"\.\[([\w,]+)\]", command):
+            assert set(extra.split(",")) <= set(EXTRAS)
+    else:
+        for file in re.findall(r"[\w/]+\.(?:py|yaml)\b", command):
+            assert (ROOT / file).is_file()
+
+
+def test_nothing_is_run_elsewhere_that_no_page_shows():
+    shown = [command for page in PAGES for command in commands(page)]
+    for what in ELSEWHERE:
+        assert any(re.match(what, command) for command in shown), what
+
+
+@pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
+def test_commands_are_marked_as_such(page):
+    for block in blocks(page):
+        if not block.language:
+            first = {line.removeprefix(".venv/bin/").partition(" ")[0] for line in block.commands()}
+            assert not first & set(PROGRAMS), f"line {block.line}: mark the block as sh or text"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
+        assert (page.parent / target).exists(), target
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "README.md").read_text("utf-8")
+    linked = set(re.findall(r"\]\(([\w-]+\.md)\)", index))
+    assert linked == {page.name for page in PAGES if page.parent.name == "docs"} - {"README.md"}
+
+
+def generated():
+    spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.PAGES
+
+
+@pytest.mark.parametrize("name", sorted(generated()))
+def test_generated_pages_are_current(name):
+    page = generated()[name]()
+    assert (ROOT / "docs" / name).read_text("utf-8") == page, "run: python docs/generate.py"
