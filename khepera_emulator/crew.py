@@ -41,7 +41,7 @@ class Crew:
     def _period(self) -> None:
         for robot in self._robots:
             robot.aim()
-        near = [robot.chassis.may_touch() for robot in self._robots]
+        near = [robot.chassis.meets_mover() for robot in self._robots]
         if self._world.restless or any(near):
             for robot, dynamic in zip(self._robots, near, strict=True):
                 if dynamic:
@@ -50,4 +50,4 @@ class Crew:
                     robot.chassis.show()
             self._world.period()
         for robot, dynamic in zip(self._robots, near, strict=True):
-            robot.arrive(robot.chassis.arrive() if dynamic else robot.chassis.glide())
+            robot.arrive(robot.chassis.arrive() if dynamic else robot.chassis.go())

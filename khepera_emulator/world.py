@@ -19,11 +19,9 @@ PHYSICS_PERIOD = 0.005
 Half of it changes a drive by 0.01 %, a turn by 0.1 degree in 860, and a slide along a wall by 2 %.
 """
 
-FLOOR_GROUP, SOLID_GROUP, BODY_GROUP, THING_GROUP = 1, 2, 4, 8
-"""Collision groups: wheels and casters touch the floor only, bodies and things the rest."""
-
-_RAY_GROUP = 1
-"""The group of PyBullet's rays, which cannot be changed; wheels do not look for solids."""
+RAY_GROUP, SOLID_GROUP, BODY_GROUP, THING_GROUP, FLOOR_GROUP = 1, 2, 4, 8, 16
+"""Collision groups: wheels and casters touch the floor only, bodies and things the rest. The first
+is that of PyBullet's rays, which cannot be changed."""
 
 _SUBSTEPS = round(CONTROL_PERIOD / PHYSICS_PERIOD)
 
@@ -238,7 +236,7 @@ class World:
             solid,
             -1,
             SOLID_GROUP,
-            BODY_GROUP | THING_GROUP | _RAY_GROUP,
+            BODY_GROUP | THING_GROUP | RAY_GROUP,
             physicsClientId=self.client,
         )
         return solid
@@ -263,7 +261,7 @@ class World:
 
     def _let_touch(self, thing: Thing, *, touch: bool) -> None:
         """Let a thing meet bodies and rays of the dynamics, or let all pass it."""
-        mask = SOLID_GROUP | BODY_GROUP | THING_GROUP | _RAY_GROUP
+        mask = SOLID_GROUP | BODY_GROUP | THING_GROUP | RAY_GROUP
         pybullet.setCollisionFilterGroupMask(
             thing.body,
             -1,

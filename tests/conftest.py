@@ -1,6 +1,11 @@
 """Options of the tests."""
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# a busy machine is slow at times: no test is about that
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -1,4 +1,4 @@
-"""The body: exact kinematics in the open, PyBullet's dynamics at walls, and no seam between."""
+"""The body: exact kinematics in the open, the same in PyBullet, contacts at walls, and no seam."""
 
 from math import degrees, pi, radians
 
@@ -42,16 +42,20 @@ def chassis(world: World, x: float = 0.0, y: float = 0.0, heading: float = 0.0) 
     return Chassis(world, KHEPERA, IDEAL, Pose(x=x, y=y, heading=heading))
 
 
-def force_dynamics(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(world.plan, "clearance", lambda _x, _y: 0.0)
+def roll(driven: Chassis, world: World, ways, dynamics: bool):
+    """A control period, by PyBullet or without it; the ways that the wheels turned."""
+    if not dynamics:
+        return driven.roll(ways, NO_SLIP)
+    driven.aim(ways, NO_SLIP)
+    driven.drive()
+    world.period()
+    return driven.arrive()
 
 
 @pytest.mark.parametrize("dynamics", [False, True])
-def test_a_straight_drive(world, monkeypatch, dynamics):
-    if dynamics:
-        force_dynamics(world, monkeypatch)
+def test_a_straight_drive(world, dynamics):
     driven = chassis(world)
-    turned = np.sum([driven.roll(STRAIGHT, NO_SLIP) for _ in range(1000)], axis=0)
+    turned = np.sum([roll(driven, world, STRAIGHT, dynamics) for _ in range(1000)], axis=0)
     assert driven.x == pytest.approx(0.4, rel=0.005)
     assert driven.y == pytest.approx(0.0, abs=0.001)
     assert degrees(driven.heading) == pytest.approx(0.0, abs=0.3)
@@ -59,23 +63,19 @@ def test_a_straight_drive(world, monkeypatch, dynamics):
 
 
 @pytest.mark.parametrize("dynamics", [False, True])
-def test_a_turn_on_the_spot(world, monkeypatch, dynamics):
-    if dynamics:
-        force_dynamics(world, monkeypatch)
+def test_a_turn_on_the_spot(world, dynamics):
     driven = chassis(world)
     for _ in range(500):
-        driven.roll((-0.0004, 0.0004), NO_SLIP)
+        roll(driven, world, (-0.0004, 0.0004), dynamics)
     assert degrees(driven.heading) == pytest.approx(432.4, abs=1.0)
     assert (driven.x, driven.y) == pytest.approx((0.0, 0.0), abs=0.001)
 
 
-def test_an_arc_is_the_same_in_both(world, monkeypatch):
+def test_an_arc_is_the_same_in_both(world):
     free, rigid = chassis(world), chassis(world, 1.0)
     for _ in range(300):
         free.roll((0.0003, 0.0005), NO_SLIP)
-    force_dynamics(world, monkeypatch)
-    for _ in range(300):
-        rigid.roll((0.0003, 0.0005), NO_SLIP)
+        roll(rigid, world, (0.0003, 0.0005), dynamics=True)
     assert rigid.x - 1.0 == pytest.approx(free.x, abs=0.0012)
     assert rigid.y == pytest.approx(free.y, abs=0.0012)
     assert rigid.heading == pytest.approx(free.heading, rel=0.01)
@@ -137,7 +137,7 @@ def test_a_robot_that_meets_a_wall_aslant_slides_along_it(world):
     # wheels hardly slip sideways: it goes on along the wall a little, and friction turns its nose
     assert 0.004 < x[-1] - x[touch] < 0.04
     assert all(np.diff(x[touch:]) > -0.0002)
-    assert degrees(driven.heading) > 25
+    assert degrees(driven.heading) > 22
 
 
 @AHEAD

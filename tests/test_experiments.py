@@ -140,7 +140,7 @@ def test_results_are_json_lines_by_seed(sweep: Path) -> None:
     assert header["settings"]["nodes"] == 8
     assert [line["seed"] for line in lines] == [1, 2, 3]
     trials = lines[0]["result"]["trials"]
-    assert [len(done) for done in trials.values()] == [2] * 5
+    assert [len(done) for done in trials.values()] == [2] * 6
     for done in trials.values():
         assert len(done[0]["path"]) == len(done[0]["r"]) + 1 <= 3
 

@@ -15,7 +15,7 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
 from khepera_emulator.renderers.faces import FacesRenderer
 from khepera_emulator.robot import Robot
-from khepera_emulator.world import BODY_GROUP, FLOOR_GROUP, World
+from khepera_emulator.world import BODY_GROUP, RAY_GROUP, World
 from protocol.mirror import Mirror
 from protocol.side_channel import Pose, Reset, WheelDrift
 
@@ -128,8 +128,28 @@ def test_a_box_pushed_at_its_edge_turns(bench):
 def test_a_heavy_thing_holds_a_robot(bench):
     made = bench({**BOX, "mass": 3.0})
     made.drive(10, 3.0)
-    assert made.things[0].x < 0.102
+    assert made.things[0].x < 0.103
     assert made.robot.chassis.x < 0.055
+
+
+@pytest.mark.parametrize(
+    "parts", [{"object": [{**BOX, "mass": 3.0}]}, {"wall": [{"points": [[0.1, -1], [0.1, 1]]}]}]
+)
+def test_a_robot_that_has_stopped_at_something_rests(parts):
+    world = World(arena(**parts))
+    robot = Robot(world, KHEPERA, ORIGIN, IDEAL, np.random.default_rng(0))
+    crew = Crew(world, [robot])
+    for speed, ticks in ((10, 150), (0, 250)):
+        for wheel in robot.wheels:
+            wheel.drive_speed(speed)
+        crew.run(ticks)
+    gap = robot.chassis.scene.clearance(robot.chassis.x, robot.chassis.y) - KHEPERA.radius
+    assert abs(gap) < 0.0005
+    assert not crew.moving
+    pose = robot.chassis.pose
+    crew.run(1000)
+    assert robot.chassis.pose == pose
+    world.close()
 
 
 def test_a_thing_pushes_the_next(bench):
@@ -187,9 +207,9 @@ def test_rays_equal_those_of_pybullet():
     world = World(arena(**parts), shared=True)
     for x in (-0.3, 0.3):
         robot = Chassis(world, KHEPERA, IDEAL, Pose(x=x, y=-0.2, heading=0.0))
-        # PyBullet's rays are of the floor's group, and pass through a robot otherwise
+        # rays pass through a robot otherwise
         pybullet.setCollisionFilterGroupMask(
-            robot.body, -1, BODY_GROUP, FLOOR_GROUP, physicsClientId=world.client
+            robot.body, -1, BODY_GROUP, RAY_GROUP, physicsClientId=world.client
         )
     scene = world.scene()
     rng = np.random.default_rng(0)

@@ -37,11 +37,13 @@ def situations(clusterer: Clusterer, inputs: Array, *, learn: bool) -> NDArray[n
     return np.array([clusterer.present(x, learn=learn).node for x in inputs], dtype=np.int64)
 
 
-def graded_situations(clusterer: Clusterer, inputs: Array, nodes: int, width: float) -> Array:
+def graded_situations(
+    clusterer: Clusterer, inputs: Array, nodes: int, width: float, *, learn: bool
+) -> Array:
     """Present inputs of shape (T, M) in their order; the memberships of each, shape (T, nodes)."""
     shares: Array = np.zeros((len(inputs), nodes))
     for share, x in zip(shares, inputs, strict=True):
-        clusterer.present(x)
+        clusterer.present(x, learn=learn)
         share[:] = memberships(clusterer.distances(x), nodes, width)
     return shares
 

@@ -3,13 +3,25 @@
 from typing import Final
 
 from macor_hil.errors import MacorError
+from macor_hil.experiments.beyond import BEYOND
+from macor_hil.experiments.drift import DRIFT
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.figure3 import FIGURE3
 from macor_hil.experiments.figure4 import FIGURE4
+from macor_hil.experiments.goals import GOALS
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
 
-EXPERIMENTS: Final[tuple[Experiment, ...]] = (FIGURE2, FIGURE3, FIGURE4, TABLE1, FIGURE5)
+EXPERIMENTS: Final[tuple[Experiment, ...]] = (
+    FIGURE2,
+    FIGURE3,
+    FIGURE4,
+    TABLE1,
+    FIGURE5,
+    BEYOND,
+    GOALS,
+    DRIFT,
+)
 
 ALL: Final = "all"
 

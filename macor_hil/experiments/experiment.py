@@ -38,6 +38,7 @@ class Experiment:
         draw: pictures of the results by name.
         tell: the report's text, the paper's numbers beside ours.
         results: name under which results are kept, for experiments that share trials.
+        most_seeds: seeds beyond these are left out of it; None: all take part.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Experiment:
     draw: Callable[[Any, Results], Mapping[str, Figure]]
     tell: Callable[[Any, Results], Sequence[Block]]
     results: str = ""
+    most_seeds: int | None = None
 
     @property
     def kept_as(self) -> str:

@@ -54,7 +54,10 @@ def reproduce(
     numbers = range(1, seeds + 1)
     with only_one(out):
         chapters = [
-            Chapter(experiment, _sweep(experiment, numbers, workers, out, watch))
+            Chapter(
+                experiment,
+                _sweep(experiment, numbers[: experiment.most_seeds], workers, out, watch),
+            )
             for experiment in experiments
         ]
         return write_report(out / "report", chapters, read_lines(out / COSTS))

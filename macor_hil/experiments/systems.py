@@ -15,7 +15,7 @@ from macor_hil.brain import FIRST_COMMAND, Brain
 from macor_hil.clustering.clusterer import Clusterer
 from macor_hil.clustering.fuzzy_art import Resonance
 from macor_hil.clustering.membership import Array, memberships
-from macor_hil.drive import Driver
+from macor_hil.drive import Driver, MotorCommand
 from macor_hil.errors import BenchError
 from macor_hil.experiments.recording import PUT_DOWN, Recording
 from macor_hil.graded_map import GradedMap
@@ -32,6 +32,19 @@ from protocol.side_channel import Outline, Pose, Reset
 Nodes = NDArray[np.int64]
 
 
+@dataclass(frozen=True, slots=True)
+class SidedReinforcement(Reinforcement):
+    """Reinforcement that tells a turn to the left from one to the right."""
+
+    left: float = 0.1
+
+    def __call__(self, command: MotorCommand, collided: bool) -> float:
+        """What a command earned."""
+        if command.turn > 0.0 and not collided:
+            return self.left
+        return Reinforcement.__call__(self, command, collided)
+
+
 class Mind(Brain):
     """The eyes of a recording's brain with a clusterer and a map of another kind.
 
@@ -46,15 +59,15 @@ class Mind(Brain):
         self.fields = eyes.fields
         self.map = memory.map
         self.graded = memory.graded
-        self._clusterer = clusterer
+        self.clusterer = clusterer
 
     def recognise(self, raw: Features, *, learn: bool) -> Resonance:
         """The situation of untuned features."""
-        return self._clusterer.present(self.fields.tune(raw), learn=learn)
+        return self.clusterer.present(self.fields.tune(raw), learn=learn)
 
     def memberships(self, raw: Features) -> Array:
         """How much untuned features belong to each situation, shape (n,)."""
-        distances = self._clusterer.distances(self.fields.tune(raw))
+        distances = self.clusterer.distances(self.fields.tune(raw))
         return memberships(distances, self.graded.nodes, self.settings.width)
 
 

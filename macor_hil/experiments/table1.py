@@ -2,7 +2,8 @@
 
 One training drive a seed, 50 Fuzzy ART nodes, vigilance 0.9, three commands. All systems share
 the situations; the reactive and the anticipative one share the map of equations 1 and 2, and
-Q-learning has its own evaluations (equations 3 and 4). Beyond the paper: expected value.
+Q-learning has its own evaluations (equations 3 and 4). Beyond the paper: expected value, and graded
+situations.
 """
 
 from dataclasses import dataclass, field
@@ -11,59 +12,38 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.clustering.clusterer import graded_situations, situations
-from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.membership import WIDTH
-from macor_hil.drive import COMMANDS
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.drawing import draw_seeds, draw_trials
 from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.learning import (
+    ANTICIPATIVE,
+    EXPECTED,
+    GRADED,
+    REACTIVE,
+    SYSTEMS,
+    Learning,
+    Q,
+    learn_all,
+)
 from macor_hil.experiments.recording import Drive, Recordings
 from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import Order, estimate, order
 from macor_hil.experiments.systems import (
     Course,
-    Mind,
-    learn_graded,
-    learn_transitions,
     on_course,
     trial_as_json,
     trial_from_json,
 )
-from macor_hil.graded_map import GradedMap
-from macor_hil.memory import Memory
-from macor_hil.planners.anticipative import Anticipative
-from macor_hil.planners.expected import Expected
-from macor_hil.planners.graded import Graded
-from macor_hil.planners.planner import Planner
-from macor_hil.planners.q_learning import QLearning, QMap
-from macor_hil.planners.reactive import Reactive
-from macor_hil.reinforcement import Reinforcement
-from macor_hil.sensorimotor_map import Competence, SensorimotorMap
 from macor_hil.trials import Trial
 from protocol.side_channel import Outline
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Learning):
     """Section 3.2, with the paper's values."""
 
     drive: Drive = field(default_factory=Drive)
     """Training: "more than 10.000 typical sensorimotor situations"."""
-    nodes: int = 50
-    """n, Fuzzy ART nodes."""
-    vigilance: float = 0.9
-    """rho."""
-    alpha: float = 0.001
-    """Choice parameter of Fuzzy ART, not printed."""
-    gamma: float = 0.9
-    """Planning horizon of Q-learning."""
-    competence: Competence = field(default_factory=Competence)
-    """Equation 1."""
-    width: float = WIDTH
-    """Of memberships of graded situations."""
-    reinforcement: Reinforcement = field(default_factory=Reinforcement)
-    """What commands earn, not printed; from the table's means a step."""
     course: Course = field(default_factory=Course)
     """10 trials of at most 40 commands."""
 
@@ -72,16 +52,6 @@ class Settings:
         """Where trials are driven."""
         return (self.course.arena,)
 
-
-REACTIVE: Final = "reactive"
-ANTICIPATIVE: Final = "anticipative"
-Q: Final = "Q-learning"
-WEAK: Final = "Q, gamma 0"
-EXPECTED: Final = "expected value"
-
-GRADED: Final = "graded situations"
-
-SYSTEMS: Final = (REACTIVE, ANTICIPATIVE, Q, WEAK, EXPECTED, GRADED)
 
 PAPER: Final = {
     REACTIVE: {"r": (2.8, 0.1), "length": (7.2, 0.4), "step": 0.61, "collisions": 10},
@@ -94,39 +64,16 @@ PAPER: Final = {
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn all systems from the drive of a seed, and drive their trials."""
     recording = recordings[seed]
-    inputs = recording.inputs
-    art = FuzzyArt(inputs.shape[1], settings.nodes, settings.vigilance, settings.alpha)
-    # situations and transitions are learned at the same time: the node of a frame is the one
-    # that it had when it was presented
-    nodes = situations(art, inputs, learn=True)
-    size = settings.nodes, len(COMMANDS)
-    plain = SensorimotorMap(*size, settings.competence)
-    strong, weak = QMap(*size, settings.gamma), QMap(*size, 0.0)
-    for memory in (plain, strong, weak):
-        learn_transitions(memory, nodes, recording, settings.reinforcement)
-    graded = GradedMap(*size)
-    again = FuzzyArt(inputs.shape[1], settings.nodes, settings.vigilance, settings.alpha)
-    shares = graded_situations(again, inputs, settings.nodes, settings.width)
-    learn_graded(graded, shares, recording, settings.reinforcement)
-    systems: dict[str, tuple[SensorimotorMap, Planner]] = {
-        REACTIVE: (plain, Reactive()),
-        ANTICIPATIVE: (plain, Anticipative()),
-        Q: (strong, QLearning()),
-        WEAK: (weak, QLearning()),
-        EXPECTED: (plain, Expected()),
-        GRADED: (plain, Graded()),
-    }
+    systems = learn_all(settings, recording)
     with on_course(settings.course, seed, settings.drive.drift) as track:
         outline = track.outline().model_dump(mode="json")
         driven = {
-            name: track.drive(Mind(recording.brain, art, Memory(memory, graded)), planner, seed)
-            for name, (memory, planner) in systems.items()
+            name: track.drive(system.mind, system.planner, seed) for name, system in systems.items()
         }
     return {
         "outline": outline,
         "robot_hours": round(recording.robot_seconds / 3600, 4),
-        "situations": art.size,
-        "transitions": int(np.count_nonzero(plain.z)),
+        "transitions": int(np.count_nonzero(systems[ANTICIPATIVE].mind.map.z)),
         "trials": {name: [trial_as_json(one) for one in done] for name, done in driven.items()},
     }
 

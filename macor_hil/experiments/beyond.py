@@ -1,0 +1,164 @@
+"""Beyond the paper: what each change to the planner gives, where it was trained and where not.
+
+The same trainings as in table 1. From the paper's wave, which takes the best outcome that ever
+occurred, over outcomes weighed by their counts, to graded situations; each in the corridor that it
+was trained in, from the start and from anywhere, and in arenas that it has never seen.
+"""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from macor_hil.experiments.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.drawing import draw_trials
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.learning import ANTICIPATIVE, EXPECTED, GRADED, Learning, learn_all
+from macor_hil.experiments.recording import Drive, Recordings
+from macor_hil.experiments.results import Result, Results
+from macor_hil.experiments.statistics import estimate, mean
+from macor_hil.experiments.systems import Course, on_course, trial_as_json, trial_from_json
+from macor_hil.trials import Trial
+from protocol.side_channel import Outline
+
+CHANGES: Final = {
+    ANTICIPATIVE: "the paper's wave: the best outcome that ever occurred",
+    EXPECTED: "outcomes weighed by their counts, pooled over the commands that led here",
+    GRADED: "and the robot in several situations at once, in counts and decisions",
+}
+
+
+@dataclass(frozen=True)
+class Settings(Learning):
+    """Where trials are driven."""
+
+    drive: Drive = field(default_factory=Drive)
+    """The training drive, of all systems."""
+    courses: tuple[Course, ...] = (
+        Course(),
+        Course(anywhere=True),
+        Course("corridor-mirror"),
+        Course("s-curve"),
+        Course("corridor-18"),
+    )
+    """Trained in the first arena; never seen the others."""
+
+    @property
+    def arenas(self) -> tuple[str, ...]:
+        """Where trials are driven."""
+        return tuple(course.arena for course in self.courses)
+
+
+def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
+    """Learn the systems from the drive of a seed, and drive their trials everywhere."""
+    systems = learn_all(settings, recordings[seed])
+    result: Result = {"outlines": {}, "trials": {}}
+    for course in settings.courses:
+        place = _place(course)
+        with on_course(course, seed, settings.drive.drift) as track:
+            result["outlines"][place] = track.outline().model_dump(mode="json")
+            result["trials"][place] = {
+                name: [
+                    trial_as_json(one)
+                    for one in track.drive(systems[name].mind, systems[name].planner, seed)
+                ]
+                for name in CHANGES
+            }
+    return result
+
+
+def _place(course: Course) -> str:
+    return f"{course.arena}, from anywhere" if course.anywhere else course.arena
+
+
+def _trials(results: Results, place: str, name: str) -> list[list[Trial]]:
+    """Trials, one list a seed."""
+    return [
+        [trial_from_json(one) for one in result["trials"][place][name]]
+        for result in results.values()
+    ]
+
+
+def draw(settings: Settings, results: Results) -> dict[str, Figure]:
+    """The graded planner's first trial of the first seed in every arena."""
+    result = next(iter(results.values()))
+    shown = {
+        place: (
+            Outline.model_validate(result["outlines"][place]),
+            trial_from_json(result["trials"][place][GRADED][0]),
+        )
+        for place in map(_place, settings.courses)
+    }
+    return {"trajectories": draw_trials(shown)}
+
+
+def tell(settings: Settings, results: Results) -> list[Block]:
+    """The ablation, and what every seed did."""
+    places = [_place(course) for course in settings.courses]
+    changes = "; ".join(f"{name}: {what}" for name, what in CHANGES.items())
+    return [
+        Text(
+            f"{len(results)} training seeds, each another robot, trained in the corridor alone;"
+            f" {settings.courses[0].trials} trials of at most {settings.courses[0].commands}"
+            f" commands of every system in every arena. {changes}."
+        ),
+        Table(
+            "Length of trials, mean over seeds (95 % bootstrap interval), and trials that collided",
+            ("arena", *CHANGES),
+            tuple(_row(results, place) for place in places),
+        ),
+        Text(_verdict(results, places)),
+        Picture("trajectories", f"{GRADED}, seed {next(iter(results))}, first trials."),
+        Table(
+            f"Mean length of the trials of {GRADED}, every seed",
+            ("seed", *places),
+            tuple(
+                (str(seed), *(f"{_lengths(results, place, GRADED)[k]:.1f}" for place in places))
+                for k, seed in enumerate(results)
+            ),
+        ),
+    ]
+
+
+def _lengths(results: Results, place: str, name: str) -> list[float]:
+    return [float(np.mean([t.length for t in ts])) for ts in _trials(results, place, name)]
+
+
+def _collided(results: Results, place: str, name: str) -> float:
+    return float(np.mean([t.collided for ts in _trials(results, place, name) for t in ts]))
+
+
+def _row(results: Results, place: str) -> tuple[str, ...]:
+    cells = (
+        f"{estimate(_lengths(results, place, name), mean)};"
+        f" {100 * _collided(results, place, name):.1f} %"
+        for name in CHANGES
+    )
+    return (place, *cells)
+
+
+def _verdict(results: Results, places: list[str]) -> str:
+    home, *away = places[:1] + places[2:]
+    at_home = float(np.mean(_lengths(results, home, GRADED)))
+    lengths = partial(_lengths, results, name=GRADED)
+    least = min(away, key=lambda place: float(np.mean(lengths(place=place)))) if away else home
+    return (
+        f"Graded situations drive {at_home:.2f} of {MOST} commands where they were trained, with"
+        f" {100 * _collided(results, home, GRADED):.1f} % collisions, and at least"
+        f" {np.mean(lengths(place=least)):.2f} in arenas never seen ({least}, with"
+        f" {100 * _collided(results, least, GRADED):.1f} % collisions)."
+    )
+
+
+MOST: Final = Course().commands
+
+BEYOND = Experiment(
+    "beyond",
+    "Beyond the paper: what each change gives, and elsewhere",
+    Settings(),
+    trial,
+    draw,
+    tell,
+)

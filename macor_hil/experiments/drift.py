@@ -1,0 +1,144 @@
+"""Drift: maps learned with and without the robot's drift, driven on robots with other drifts.
+
+The caption of figure 3 claims that a robot that drifts to one side navigates all the same because
+the drift was learned with everything else. So: two trainings a seed, on a robot whose wheels differ
+and on one whose wheels do not; both maps then drive robots without drift, with another
+robot's drift, and with one that pulls to one side by a known amount.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from macor_hil.experiments.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.drawing import draw_seeds
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.learning import ANTICIPATIVE, GRADED, Learning, learn_all
+from macor_hil.experiments.recording import Drive, Recordings
+from macor_hil.experiments.results import Result, Results
+from macor_hil.experiments.statistics import estimate, mean, order
+from macor_hil.experiments.systems import Course, on_course, trial_as_json, trial_from_json
+
+SHOWN: Final = (ANTICIPATIVE, GRADED)
+
+_OTHER: Final = 1000
+"""Added to a training's seed for the robot that its map is driven on: never the same robot."""
+
+
+@dataclass(frozen=True)
+class Settings(Learning):
+    """Drifts of training and of trials."""
+
+    drive: Drive = field(default_factory=Drive)
+    """The training drive; its drift is the first one below."""
+    trained: tuple[str, ...] = ("default", "none")
+    """Drifts of the robots that are trained on."""
+    driven: tuple[str, ...] = ("none", "default", "scale=0.04,base=0.04", "strong")
+    """Drifts of the robots that are driven."""
+    course: Course = field(default_factory=Course)
+    """Trials."""
+
+    @property
+    def arenas(self) -> tuple[str, ...]:
+        """Where trials are driven."""
+        return (self.course.arena,)
+
+
+def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
+    """Train with each drift, drive with each."""
+    folder = recordings.folder.parent
+    result: Result = {"trials": {}}
+    for drift in settings.trained:
+        drive = replace(settings.drive, drift=drift)
+        systems = learn_all(settings, Recordings(folder, drive)[seed])
+        driven = result["trials"][drift] = {}
+        for other in settings.driven:
+            with on_course(settings.course, seed + _OTHER, other) as track:
+                driven[other] = {
+                    name: [
+                        trial_as_json(one)
+                        for one in track.drive(systems[name].mind, systems[name].planner, seed)
+                    ]
+                    for name in SHOWN
+                }
+    return result
+
+
+def _lengths(results: Results, trained: str, driven: str, name: str) -> list[float]:
+    return [
+        float(np.mean([trial_from_json(t).length for t in result["trials"][trained][driven][name]]))
+        for result in results.values()
+    ]
+
+
+def draw(settings: Settings, results: Results) -> dict[str, Figure]:
+    """Every seed on the robots that are driven."""
+    return {
+        "lengths": draw_seeds(
+            {
+                f"trained: {trained}\ndriven: {driven}": _lengths(results, trained, driven, GRADED)
+                for driven in settings.driven
+                for trained in settings.trained
+            },
+            f"commands in a trial, {GRADED}",
+            {},
+        )
+    }
+
+
+def tell(settings: Settings, results: Results) -> list[Block]:
+    """Lengths by drift of training and of trials."""
+    head = ("driven on", *(f"{n}, trained: {t}" for n in SHOWN for t in settings.trained))
+    rows = tuple(
+        (
+            other,
+            *(
+                str(estimate(_lengths(results, trained, other, name), mean))
+                for name in SHOWN
+                for trained in settings.trained
+            ),
+        )
+        for other in settings.driven
+    )
+    return [
+        Text(
+            f"{len(results)} training seeds; drifts as of the emulator's --drift, drawn for each"
+            " robot; a map is never driven on the robot that it was trained on."
+        ),
+        Table("Length of trials, mean over seeds (95 % bootstrap interval)", head, rows),
+        Text(_verdict(settings, results)),
+        Picture("lengths", "Every training seed."),
+    ]
+
+
+def _verdict(settings: Settings, results: Results) -> str:
+    with_drift, without = settings.trained
+    said = []
+    for name in SHOWN:
+        tests = {
+            other: order(
+                _lengths(results, with_drift, other, name), _lengths(results, without, other, name)
+            )
+            for other in settings.driven
+        }
+        better = [other for other, test in tests.items() if test.holds]
+        said.append(
+            f"{name}: training with drift gives longer trials on robots with the drift"
+            f" {' and '.join(better)}"
+            if better
+            else f"{name}: these seeds show no gain from training with drift"
+        )
+    return "; ".join(said) + "."
+
+
+DRIFT = Experiment(
+    "drift",
+    "Drift: learned with everything else?",
+    Settings(),
+    trial,
+    draw,
+    tell,
+    most_seeds=8,
+)

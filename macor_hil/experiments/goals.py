@@ -1,0 +1,206 @@
+"""Changing goals, the paper's outlook (section 4), which was never published.
+
+After training the reinforcement changes: a turn to the left, good until now, earns next to
+nothing. What the world does stays as it is, so that situations, competences and counts are kept;
+evaluations are learned anew, each with its learning rate 1/z counted from the change. The
+experience after the change is the training drive once more, under the new reinforcement. How many
+commands of it does each system need until it earns as much as one that was trained for the new goal
+from the beginning?
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from macor_hil.clustering.clusterer import graded_situations, situations
+from macor_hil.experiments.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.learning import (
+    ANTICIPATIVE,
+    EXPECTED,
+    GRADED,
+    REACTIVE,
+    Learning,
+    Q,
+    System,
+    learn_all,
+)
+from macor_hil.experiments.recording import Drive, Recording, Recordings
+from macor_hil.experiments.results import Result, Results
+from macor_hil.experiments.statistics import estimate, mean
+from macor_hil.experiments.systems import (
+    Course,
+    Mind,
+    SidedReinforcement,
+    Track,
+    learn_graded,
+    learn_transitions,
+    on_course,
+)
+from macor_hil.graded_map import GradedMap
+from macor_hil.memory import Memory
+from macor_hil.planners.q_learning import QMap
+from macor_hil.sensorimotor_map import SensorimotorMap
+
+SHOWN: Final = (REACTIVE, ANTICIPATIVE, Q, EXPECTED, GRADED)
+_WELL: Final = 0.9
+"""Part of what the system trained for the new goal earns that counts as behaving well again."""
+
+
+@dataclass(frozen=True)
+class Settings(Learning):
+    """The change, and when it is looked at."""
+
+    drive: Drive = field(default_factory=Drive)
+    """The training drive."""
+    goal: SidedReinforcement = field(default_factory=SidedReinforcement)
+    """What commands earn after the change."""
+    looks: tuple[int, ...] = (0, 100, 300, 1_000, 3_000, 10_000)
+    """Frames after the change at which trials are driven."""
+    course: Course = field(default_factory=lambda: Course(trials=5))
+    """Trials."""
+
+    @property
+    def arenas(self) -> tuple[str, ...]:
+        """Where trials are driven."""
+        return (self.course.arena,)
+
+
+def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
+    """Train for the old goal and for the new one, change the goal, look again and again."""
+    recording = recordings[seed]
+    old = learn_all(settings, recording)
+    fresh = learn_all(replace(settings, reinforcement=settings.goal), recording)
+    with on_course(settings.course, seed, settings.drive.drift) as track:
+        return {
+            "trained for it": {n: _earned(settings, track, fresh[n], seed) for n in SHOWN},
+            "after": {
+                str(frames): {
+                    name: _earned(settings, track, _changed(settings, one, recording, frames), seed)
+                    for name, one in old.items()
+                    if name in SHOWN
+                }
+                for frames in settings.looks
+            },
+        }
+
+
+def _earned(settings: Settings, track: Track, system: System, seed: int) -> float:
+    """Mean reinforcement of a trial under the new goal."""
+    mind = system.mind
+    mind.settings = replace(mind.settings, reinforcement=settings.goal)
+    driven = track.drive(mind, system.planner, seed)
+    return round(float(np.mean([one.total for one in driven])), 4)
+
+
+def _changed(settings: Settings, system: System, recording: Recording, frames: int) -> System:
+    """A system some frames after the change."""
+    mind = system.mind
+    inputs = recording.inputs[:frames]
+    transitions = _copy(mind.map)
+    learn_transitions(
+        transitions, situations(mind.clusterer, inputs, learn=False), recording, settings.goal
+    )
+    graded = _revalued(settings, mind, recording, inputs)
+    memory = Memory(_with_counts(transitions, mind.map), graded)
+    return System(Mind(recording.brain, mind.clusterer, memory), system.planner)
+
+
+def _copy(known: SensorimotorMap) -> SensorimotorMap:
+    """A map with the same evaluations, whose learning rates begin anew."""
+    size = known.nodes, known.commands
+    copy = QMap(*size, known.gamma) if isinstance(known, QMap) else SensorimotorMap(*size)
+    copy.w_r = known.w_r.copy()
+    return copy
+
+
+def _with_counts(changed: SensorimotorMap, known: SensorimotorMap) -> SensorimotorMap:
+    """The counts and competences of the whole life of a map, with its changed evaluations."""
+    changed.z, changed.w_c = known.z, known.w_c
+    return changed
+
+
+def _revalued(
+    settings: Settings, mind: Mind, recording: Recording, inputs: np.ndarray
+) -> GradedMap:
+    """Counts as they were; what commands earn: one old experience, and all since the change."""
+    known = mind.graded
+    size = known.nodes, known.commands
+    since, revalued = GradedMap(*size), GradedMap(*size)
+    shares = graded_situations(mind.clusterer, inputs, known.nodes, settings.width, learn=False)
+    learn_graded(since, shares, recording, settings.goal)
+    old = np.divide(known.earned, known.tried, out=np.zeros(size), where=known.tried > 0)
+    r = (since.earned + old) / (since.tried + 1.0)
+    revalued.load(known.led_to, known.tried, known.tried * r)
+    return revalued
+
+
+def commands_needed(settings: Settings, result: Result, name: str) -> int | None:
+    """Frames until a system earned 90 % of what one trained for the goal earns; None: never."""
+    enough = _WELL * result["trained for it"][name]
+    return next((n for n in settings.looks if result["after"][str(n)][name] >= enough), None)
+
+
+def draw(settings: Settings, results: Results) -> dict[str, Figure]:
+    """Reinforcement after the change, relative to a system trained for the goal."""
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.subplots()
+    places = range(len(settings.looks))
+    for name in SHOWN:
+        means = []
+        for frames in settings.looks:
+            shares = [
+                result["after"][str(frames)][name] / max(result["trained for it"][name], 1e-9)
+                for result in results.values()
+            ]
+            means.append(float(np.mean(shares)))
+        axes.plot(places, means, marker="o", label=name)
+    axes.axhline(_WELL, color="grey", linewidth=0.8, linestyle=":")
+    axes.set_xticks(list(places), [f"{n:,}" for n in settings.looks])
+    axes.set_xlabel("frames since the goal changed")
+    axes.set_ylabel("reinforcement over that of a system\ntrained for the new goal")
+    axes.legend(fontsize=8)
+    return {"goals": figure}
+
+
+def tell(settings: Settings, results: Results) -> list[Block]:
+    """What each system earns, and how soon."""
+    rows = []
+    for name in SHOWN:
+        fresh = [result["trained for it"][name] for result in results.values()]
+        cells = [
+            str(estimate([r["after"][str(n)][name] for r in results.values()], mean))
+            for n in settings.looks
+        ]
+        rows.append((name, *cells, str(estimate(fresh, mean))))
+    head = ("system", *(f"after {n:,}" for n in settings.looks), "trained for it")
+    return [
+        Text(
+            f"{len(results)} training seeds. After the change a turn to the left earns"
+            f" {settings.goal.left:g}; straight on {settings.goal.straight:g}, a turn to the right"
+            f" {settings.goal.turn:g} and a collision {settings.goal.collision:g}, as before."
+            f" {settings.course.trials} trials at each look."
+        ),
+        Table("Reinforcement per trial under the new goal, mean over seeds", head, tuple(rows)),
+        _needed(settings, results),
+        Picture("goals", "Dotted: 90 %."),
+    ]
+
+
+def _needed(settings: Settings, results: Results) -> Table:
+    rows = []
+    for name in SHOWN:
+        needed = [commands_needed(settings, result, name) for result in results.values()]
+        done = sorted(n for n in needed if n is not None)
+        median = f"{done[len(done) // 2]:,}" if len(done) * 2 > len(needed) else "more"
+        rows.append((name, median, f"{len(done)} of {len(needed)}"))
+    return Table(
+        "Frames until 90 % of what the same system earns when trained for the goal",
+        ("system", "median over seeds", "seeds that got there"),
+        tuple(rows),
+    )
+
+
+GOALS = Experiment("goals", "Changing goals", Settings(), trial, draw, tell, most_seeds=10)

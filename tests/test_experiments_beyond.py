@@ -1,0 +1,109 @@
+"""The experiments that go beyond the paper: their trials, their pictures, what they tell."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from macor_hil.brain import Settings
+from macor_hil.drive import LEFT, RIGHT, STRAIGHT
+from macor_hil.experiments import goals
+from macor_hil.experiments.beyond import BEYOND
+from macor_hil.experiments.blocks import Table
+from macor_hil.experiments.drift import DRIFT
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.goals import GOALS
+from macor_hil.experiments.learning import ANTICIPATIVE, GRADED, SYSTEMS, learn_all
+from macor_hil.experiments.recording import Drive, Recordings
+from macor_hil.experiments.runner import reproduce
+from macor_hil.experiments.systems import Course, SidedReinforcement
+
+DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
+COURSE = Course(trials=1, commands=2)
+
+
+def tiny(experiment: Experiment, **changes: object) -> Experiment:
+    return replace(
+        experiment, settings=replace(experiment.settings, drive=DRIVE, nodes=8, **changes)
+    )
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
+    return Recordings(tmp_path_factory.mktemp("recordings"), DRIVE)
+
+
+def test_the_ablation_drives_every_system_in_every_arena(recordings: Recordings) -> None:
+    courses = (COURSE, replace(COURSE, arena="s-curve"))
+    experiment = tiny(BEYOND, courses=courses)
+    result = experiment.trial(experiment.settings, 1, recordings)
+    assert list(result["trials"]) == ["corridor", "s-curve"]
+    assert {len(trials) for each in result["trials"].values() for trials in each.values()} == {1}
+    assert experiment.draw(experiment.settings, {1: result})
+    blocks = experiment.tell(experiment.settings, {1: result})
+    table = next(block for block in blocks if isinstance(block, Table))
+    assert [row[0] for row in table.rows] == ["corridor", "s-curve"]
+
+
+def test_maps_are_driven_on_robots_with_other_drifts(recordings: Recordings) -> None:
+    experiment = tiny(DRIFT, course=COURSE, driven=("none", "strong"))
+    result = experiment.trial(experiment.settings, 1, recordings)
+    trials = result["trials"]
+    assert list(trials) == ["default", "none"]
+    # the same start for all, and another way for every drift
+    paths = [trials["default"][drift][ANTICIPATIVE][0]["path"] for drift in ("none", "strong")]
+    assert paths[0][0] == paths[1][0]
+    assert paths[0][1] != paths[1][1]
+    assert experiment.draw(experiment.settings, {1: result})
+    assert experiment.tell(experiment.settings, {1: result})
+
+
+def test_a_changed_goal_is_learned_from_the_change_on(recordings: Recordings) -> None:
+    experiment = tiny(GOALS, course=COURSE, looks=(0, 20))
+    settings = experiment.settings
+    system = learn_all(settings, recordings[1])[ANTICIPATIVE]
+    same = goals._changed(settings, system, recordings[1], 0)
+    np.testing.assert_array_equal(same.mind.map.w_r, system.mind.map.w_r)
+    np.testing.assert_array_equal(same.mind.map.w_c, system.mind.map.w_c)
+    changed = goals._changed(settings, system, recordings[1], 31)
+    # transitions by a turn to the left: they earn what they earn now
+    left = np.zeros_like(changed.mind.map.w_r, dtype=bool)
+    left[0::3] = True
+    seen = (changed.mind.map.w_r != system.mind.map.w_r) & left
+    assert seen.any()
+    assert set(changed.mind.map.w_r[seen].round(6)) <= {0.1, 0.05}
+    result = experiment.trial(settings, 1, recordings)
+    assert list(result["after"]) == ["0", "20"]
+    assert experiment.draw(settings, {1: result})
+    assert experiment.tell(settings, {1: result})
+
+
+def test_a_system_is_well_again_at_nine_tenths_of_one_trained_for_it() -> None:
+    settings = replace(GOALS.settings, looks=(0, 100, 300))
+    after = {"0": {GRADED: 1.0}, "100": {GRADED: 8.9}, "300": {GRADED: 9.0}}
+    result = {"trained for it": {GRADED: 10.0}, "after": after}
+    assert goals.commands_needed(settings, result, GRADED) == 300
+    after["300"][GRADED] = 8.0
+    assert goals.commands_needed(settings, result, GRADED) is None
+
+
+def test_sided_reinforcement_knows_left_from_right() -> None:
+    earns = SidedReinforcement()
+    assert [earns(c, False) for c in (LEFT, RIGHT, STRAIGHT)] == [0.1, 0.54, 0.62]
+    assert earns(LEFT, True) == 0.0
+
+
+def test_an_experiment_may_take_fewer_seeds(tmp_path: Path) -> None:
+    experiment = replace(
+        tiny(BEYOND, courses=(COURSE,)), most_seeds=1, draw=lambda *_: {}, tell=lambda *_: []
+    )
+    reproduce([experiment], 2, 1, tmp_path, lambda *_: None)
+    (results,) = (tmp_path / "results").glob("beyond-*.jsonl")
+    assert len(results.read_text().splitlines()) == 2
+
+
+def test_all_systems_share_their_situations(recordings: Recordings) -> None:
+    systems = learn_all(tiny(BEYOND).settings, recordings[1])
+    assert tuple(systems) == SYSTEMS
+    assert len({id(system.mind.clusterer) for system in systems.values()}) == 1
