@@ -2,9 +2,13 @@
 
 Proximity follows the recorded response of each sensor to a white wall (`models`), as a function
 of an effective gap: the shortest of five rays within 30 degrees of the sensor's axis, each
-lengthened by a penalty that grows with the square of its angle. The penalty (6.3 um per
+lengthened by a penalty that grows with the square of its angle. The penalty (7.2 um per
 degree^2) was fitted to the fall-off with heading of S. Nolfi's recorded samples: a wall at 15 mm
 reads as one at 20 mm after a turn of 30 degrees, at 31 mm after 48 and at 38 mm after 60.
+
+The record gives readings over the gap between wall and body, taken with the sensor's lobe turned to
+the wall. A sensor that looks aside of where it sits is then farther from the wall than the body is,
+by up to 1 mm: that much is taken off its gap.
 """
 
 from collections.abc import Sequence
@@ -23,9 +27,12 @@ SCAN_PERIOD = 0.020
 """Seconds for a scan of all eight sensors; N and O return the latest one."""
 
 _RAY_ANGLES = np.radians([-30.0, -15.0, 0.0, 15.0, 30.0])
-_PENALTY = 6.3e-6 * np.degrees(_RAY_ANGLES) ** 2
+_PENALTY = 7.2e-6 * np.degrees(_RAY_ANGLES) ** 2
 _TABLE_STEP = 0.001
 """Metres; every recorded gap is a multiple, so that the table holds the record itself."""
+
+_ROUNDING = 1e-9
+"""Metres by which a gap may exceed the last one of the record and still be it."""
 
 _BLACK_LOSS = 0.5
 """Part of a ray's reach that a black surface takes away (KiKS)."""
@@ -43,7 +50,8 @@ class _Sensor(NamedTuple):
 
     Attributes:
         foot: metres ahead and to the left of the robot's middle.
-        rays: ahead and left parts of each ray's direction and its penalty, the least first.
+        rays: ahead and left parts of each ray's direction, and metres to add to its length, the
+            least first: its penalty, less what the sensor is behind the body's edge.
         curve: counts at multiples of `_TABLE_STEP`.
         residual: counts beyond the curve.
     """
@@ -65,7 +73,9 @@ class Infrared:
         self._lamps = lamps
         self._rng = rng
         self._sensors = _sensors(model)
-        self._reach = model.proximity.gaps[-1]
+        self._reach = model.proximity.gaps[-1] + _ROUNDING
+        # the body's middle is no further than this from what a sensor can see
+        self._sight = model.radius + self._reach - min(each.rays[0][2] for each in self._sensors)
         self._top = model.full_scale
         self._step = model.proximity.step
         self._noise = model.proximity.noise
@@ -95,7 +105,7 @@ class Infrared:
         _, _, curve, residual = self._sensors[sensor]
         if gap > self._reach:
             return residual
-        place = gap / _TABLE_STEP
+        place = max(gap, 0.0) / _TABLE_STEP
         index = min(int(place), len(curve) - 2)
         low = curve[index]
         return low + (place - index) * (curve[index + 1] - low)
@@ -110,7 +120,7 @@ class Infrared:
 
     def gaps(self, x: float, y: float, heading: float) -> list[float]:
         """Effective gap of each sensor to what it sees, in metres; infinite beyond its reach."""
-        around = self._scene.near(x, y, self._model.radius + self._reach)
+        around = self._scene.near(x, y, self._sight)
         if not around:
             return [inf] * 8
         c, s = cos(heading), sin(heading)
@@ -124,11 +134,11 @@ class Infrared:
         reach = self._reach
         eye_x, eye_y = x + (c * ahead - s * left), y + (s * ahead + c * left)
         near = [(*solid.toward(eye_x, eye_y), solid) for solid in around]
-        best = inf
+        best = reach
         for ahead, left, penalty in rays:
             dx, dy = c * ahead - s * left, s * ahead + c * left
             # what lies further than this is beyond the reach, or a worse gap than one found already
-            distance = min(reach, best - penalty)
+            distance = best - penalty
             shade = _NOTHING
             for gap, nx, ny, solid in near:
                 # a solid lies wholly behind the line through its nearest point
@@ -137,9 +147,9 @@ class Infrared:
                     if way < distance:
                         distance, shade = way, solid.grey
             if shade != _NOTHING:
-                dim = (_BLACK_LOSS - _BLACK_LOSS * shade) * (reach - distance)
+                dim = (_BLACK_LOSS - _BLACK_LOSS * shade) * max(reach - distance, 0.0)
                 best = min(best, distance + dim + penalty)
-        return best
+        return best if best < reach else inf
 
     def _lamp_effect(self, lamp: Lamp, x: float, y: float, heading: float) -> Array:
         effect = np.zeros(8)
@@ -175,7 +185,11 @@ def _sensors(model: Model) -> tuple[_Sensor, ...]:
         zip(model.sensor_bearings, model.sensor_directions, strict=True)
     ):
         foot = model.radius * cos(bearing), model.radius * sin(bearing)
-        rays = [(cos(direction + angle), sin(direction + angle), penalty) for penalty, angle in fan]
+        behind = model.radius * (1.0 - cos(direction - bearing))
+        rays = [
+            (cos(direction + angle), sin(direction + angle), penalty - behind)
+            for penalty, angle in fan
+        ]
         residual = float(model.proximity.residual[number])
         sensors.append(_Sensor(foot, tuple(rays), tuple(curves[number]), residual))
     return tuple(sensors)
