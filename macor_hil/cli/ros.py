@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from macor_hil.cli.options import ConnectOption, RobotOption
+from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption
 from macor_hil.errors import MacorError
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
@@ -16,6 +16,7 @@ def ros2(
     robot: RobotOption = "khepera",
     connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
     domain: Annotated[int, typer.Option(envvar="ROS_DOMAIN_ID", help="ROS domain.")] = 0,
+    zenoh_config: ZenohConfigOption = None,
 ) -> None:
     """Publish what a controller tells as ROS 2 topics, for nodes with the Zenoh middleware.
 
@@ -25,4 +26,4 @@ def ros2(
         from macor_hil.ros2.bridge import bridge
     except ImportError as error:
         raise MacorError(f"{error.name} is not installed; install the extra 'ros'") from None
-    bridge(robot, connect, domain)
+    bridge(robot, connect, domain, zenoh_config)

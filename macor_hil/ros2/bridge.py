@@ -8,6 +8,7 @@ import logging
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Final, Self
 
@@ -28,18 +29,19 @@ NODE: Final = "macor"
 _log = logging.getLogger(__name__)
 
 
-def bridge(robot: str, connect: Sequence[str], domain: int = 0) -> None:
+def bridge(robot: str, connect: Sequence[str], domain: int = 0, config: Path | None = None) -> None:
     """Publish what a controller tells as ROS 2 topics, until Ctrl-C; it may come and go.
 
     Args:
         robot: the robot's name in Zenoh keys; also the namespace of the topics.
         connect: Zenoh endpoints of the controller, and of the ROS nodes or their router.
         domain: ROS_DOMAIN_ID, 0 to 232.
+        config: a configuration file of Zenoh, which then counts instead of `connect`.
 
     Raises:
-        TelemetryError: the name, the domain or an endpoint cannot be used.
+        TelemetryError: the name, the domain, an endpoint or the file cannot be used.
     """
-    with open_session([], connect) as session, Bridge(session, robot, domain) as running:
+    with open_session([], connect, config) as session, Bridge(session, robot, domain) as running:
         try:
             while True:
                 running.forward()
