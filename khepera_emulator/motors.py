@@ -133,11 +133,15 @@ class Wheel:
             duty = self._pid(self.speed_gains, float(self.set_speed - self.measured))
         elif self.mode is _POSITION:
             self._advance_reference()
-            duty = self._pid(self.position_gains, self._lag())
+            lag = self._reference - (floor(self.travel) + self.offset)
+            if not -_HALF_RANGE < lag < _HALF_RANGE:
+                lag -= round(lag / 2**32) * 2**32  # wheel and reference on both sides of a wrap
+            duty = self._pid(self.position_gains, lag)
             # the profile's own speed is fed forward, so that the PID has only its errors to mend
             speed = self._reference_speed
             if speed != 0.0:
-                duty = _within(self._holding_duty(speed) + duty, FULL_DUTY)
+                duty += self._holding_duty(speed)
+                duty = FULL_DUTY if duty > FULL_DUTY else -FULL_DUTY if duty < -FULL_DUTY else duty
         else:
             duty = float(self.set_duty)
         # drive beyond standing friction, and the speed that the motor would come to with it
@@ -168,13 +172,6 @@ class Wheel:
             return self.reached and self.error == 0
         return not (self.set_speed if self.mode is _SPEED else self.set_duty)
 
-    def _lag(self) -> float:
-        """Way from the wheel to the profile's reference, which may lie on both sides of a wrap."""
-        lag = self._reference - (floor(self.travel) + self.offset)
-        if -_HALF_RANGE < lag < _HALF_RANGE:
-            return lag
-        return lag - round(lag / 2**32) * 2**32
-
     def _clear(self) -> None:
         self._integral = self._last_error = 0.0
         self._reference_speed = 0.0
@@ -193,9 +190,16 @@ class Wheel:
     def _pid(self, gains: Gains, error: float) -> float:
         scale, ki, integral = self.motor.gain_scale, gains.ki, self._integral
         if ki:
-            self._integral = integral = _within(integral + error, FULL_DUTY * scale / ki)
-        change, self._last_error = error - self._last_error, error
-        return _within((gains.kp * error + ki * integral + gains.kd * change) / scale, FULL_DUTY)
+            integral += error
+            limit = FULL_DUTY * scale / ki
+            if integral > limit:
+                integral = limit
+            elif integral < -limit:
+                integral = -limit
+            self._integral = integral
+        duty = (gains.kp * error + ki * integral + gains.kd * (error - self._last_error)) / scale
+        self._last_error = error
+        return FULL_DUTY if duty > FULL_DUTY else -FULL_DUTY if duty < -FULL_DUTY else duty
 
     def _advance_reference(self) -> None:
         speed = self._reference_speed
@@ -211,19 +215,17 @@ class Wheel:
         wanted = sqrt(2.0 * acceleration * left + acceleration**2 / 4) - acceleration / 2
         if wanted > top:
             wanted = top
-        speed += _within((wanted if way >= 0.0 else -wanted) - speed, acceleration)
+        change = (wanted if way >= 0.0 else -wanted) - speed
+        if change > acceleration:
+            change = acceleration
+        elif change < -acceleration:
+            change = -acceleration
+        speed += change
         if abs(speed) <= 2 * acceleration and left <= max(abs(speed), 0.5 * acceleration):
             self._reference, self._reference_speed = float(self.target), 0.0
             return
         self._reference += speed
         self._reference_speed = speed
-
-
-def _within(value: float, limit: float) -> float:
-    """The nearest number that is no further from 0 than a limit."""
-    if value > limit:
-        return limit
-    return -limit if value < -limit else value
 
 
 def _wrap(count: int) -> int:

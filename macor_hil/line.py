@@ -6,7 +6,7 @@ Nothing here waits without a limit, whatever is at the other end.
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final
 
 import serial
@@ -41,6 +41,8 @@ _BABBLE: Final = 1.0
 """Seconds for which bytes that nobody asked for are waited out."""
 
 _WRITE_LIMIT: Final = 0.5
+
+_REMEMBERED: Final = 512
 
 _SPOILER: Final = b"?"
 """Makes nonsense of a request whose end was lost: half a number must not be driven to."""
@@ -101,8 +103,7 @@ class Line:
             RobotResetError: the robot's banner came instead.
             LinkError: the port failed.
         """
-        data = request.encode()
-        limit = time_limit(request, self._baud)
+        data, limit = _framed(request, self._baud)
         line = self._guarded(data, lambda: self._ask(data, limit))
         if line.startswith(BANNER):
             self.reset_seen = True
@@ -191,6 +192,12 @@ class Line:
                 " robot on?",
                 data,
             ) from None
+
+
+@lru_cache(_REMEMBERED)
+def _framed(request: Request, baud: int) -> tuple[bytes, float]:
+    """Bytes of a request and its `time_limit`: programs send the same ones again and again."""
+    return request.encode(), time_limit(request, baud)
 
 
 def time_limit(request: Request, baud: int) -> float:

@@ -39,7 +39,8 @@ class Meter:
         self.exchanges += 1
         self._recent += 1
         self._sum += seconds
-        self._worst = max(self._worst, seconds)
+        if seconds > self._worst:
+            self._worst = seconds
 
     def failed(self) -> None:
         """A request was not answered, or not as a Khepera does."""

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
 from protocol.commands import COMMANDS, TOOLS, Beyond, Command, Field
 from protocol.errors import ReplyError, RequestError
@@ -37,8 +37,7 @@ _REMEMBERED: Final = 512
 """Different requests whose meaning is remembered: a program sends the same ones again and again."""
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(NamedTuple):
     """A command with its arguments, all of them inside the ranges of the table.
 
     Attributes:
@@ -69,8 +68,7 @@ class ToolCall:
     arguments: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
+class Reply(NamedTuple):
     """The robot's answer to a request.
 
     Attributes:

@@ -22,7 +22,6 @@ Options after `?`, joined with `&`:
 Not modelled: break conditions and modem lines are accepted and do nothing.
 """
 
-from collections.abc import Callable
 from math import inf
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
@@ -52,6 +51,7 @@ class Serial(SerialBase):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self.emulator: Any = None
         self._rate = "auto"
+        self._wait: float | None = None
         super().__init__(*args, **kwargs)
 
     def open(self) -> None:
@@ -99,7 +99,8 @@ class Serial(SerialBase):
     @property
     def now(self) -> float:
         """The robot's clock: seconds of virtual time since the port was opened."""
-        return float(self._open_emulator().now)
+        now: float = self._open_emulator().now
+        return now
 
     @property
     def in_waiting(self) -> int:
@@ -121,9 +122,7 @@ class Serial(SerialBase):
             SerialException: no time-out is set and nothing is on its way: a real port would wait
                 for ever, and here nobody could ever write.
         """
-        emulator = self._open_emulator()
-        uart = emulator.uart
-        return self._take(emulator, lambda: size if uart.queued() >= size else 0, size)
+        return self._take(b"", size)
 
     def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
         """Bytes up to and with `expected`, at most `size` of them; fewer after the time-out.
@@ -131,38 +130,25 @@ class Serial(SerialBase):
         Raises:
             SerialException: as for `read`.
         """
-        emulator = self._open_emulator()
-        uart = emulator.uart
-
-        def complete() -> int:
-            end = uart.find(expected) + len(expected)
-            if end >= len(expected) and (size is None or end <= size):
-                return int(end)
-            return size if size is not None and uart.queued() >= size else 0
-
-        return self._take(emulator, complete, size)
+        return self._take(expected, size)
 
     def readline(self, size: int | None = -1, /) -> bytes:
         """A line with its line feed; fewer bytes after the time-out."""
         return self.read_until(size=None if size is None or size < 0 else size)
 
-    def _take(self, emulator: Any, complete: Callable[[], int], limit: int | None) -> bytes:
+    def _take(self, expected: bytes, limit: int | None) -> bytes:
         """Let time pass until enough bytes have come, or to the time-out; take them.
 
         Args:
-            emulator: the robot.
-            complete: how many of the bytes that are queued make up what is waited for, 0 if
-                they do not yet.
-            limit: how many to take at most after a time-out.
+            expected: what the bytes shall end with; empty: it is their number that counts.
+            limit: how many to take at most.
         """
         if limit == 0:
             return b""
-        uart = emulator.uart
-        # without waiting a tenth of a millisecond passes, so that polling gets somewhere
-        timeout = self.timeout
-        wait = None if timeout is None else on_grid(max(timeout, _POLL_TIME))
+        emulator = self._open_emulator()
+        uart, wait = emulator.uart, self._wait
         deadline = inf if wait is None else emulator.now + wait
-        while not (count := complete()):
+        while not (count := _complete(uart, expected, limit)):
             event = uart.next_request()
             if event is None and wait is None:
                 raise SerialException(
@@ -172,11 +158,13 @@ class Serial(SerialBase):
             if event is None or event > deadline:
                 break
             emulator.advance(event)
-        if count and uart.due(count) <= deadline:
-            emulator.advance(uart.due(count))
-            return bytes(emulator.read(count))
-        emulator.advance(deadline)
-        return bytes(emulator.read(limit))
+        if count and (due := uart.due(count)) <= deadline:
+            emulator.advance(due)
+            limit = count
+        else:
+            emulator.advance(deadline)
+        taken: bytes = emulator.read(limit)
+        return taken
 
     def write(self, b: Any, /) -> int:
         """Put bytes on the line; the robot receives them as time passes."""
@@ -199,6 +187,9 @@ class Serial(SerialBase):
         self._open_emulator()
 
     def _reconfigure_port(self, force_update: bool = False) -> None:  # noqa: ARG002 - pySerial's signature
+        # without waiting a tenth of a millisecond passes, so that polling gets somewhere
+        timeout = self.timeout
+        self._wait = None if timeout is None else on_grid(max(timeout, _POLL_TIME))
         if not self.is_open:
             return
         uart = self.emulator.uart
@@ -246,6 +237,15 @@ class Serial(SerialBase):
     def cd(self) -> bool:
         """No such line: never set."""
         return False
+
+
+def _complete(uart: Any, expected: bytes, size: int | None) -> int:
+    """How many of the bytes that are queued make up what is waited for; 0 if they do not yet."""
+    if expected:
+        end: int = uart.find(expected) + len(expected)
+        if end >= len(expected) and (size is None or end <= size):
+            return end
+    return size if size is not None and uart.queued() >= size else 0
 
 
 def _split(url: str) -> tuple[str, dict[str, str], dict[str, list[str]]]:
