@@ -32,6 +32,20 @@ def is_embedded(port: str) -> bool:
 
 
 @contextmanager
+def robot_of(port: str, baud: int = 9600) -> Iterator[Khepera]:
+    """Open the robot at a port alone; on the way out it is stopped and the port closed.
+
+    Raises:
+        RobotError: it is not there or does not answer.
+    """
+    # a robot in this process is gone with its port
+    reopen = None if is_embedded(port) else lambda: open_port(port, baud)
+    with Khepera(open_port(port, baud), reopen) as robot:
+        robot.connect()
+        yield robot
+
+
+@contextmanager
 def open_hardware(
     port: str,
     camera: str = "auto",
@@ -56,10 +70,7 @@ def open_hardware(
     if camera == "auto":
         camera = "port" if is_embedded(port) else "zenoh"
     with ExitStack() as stack:
-        # a robot in this process is gone with its port
-        reopen = None if is_embedded(port) else lambda: open_port(port, baud)
-        robot = stack.enter_context(Khepera(open_port(port, baud), reopen))
-        robot.connect()
+        robot = stack.enter_context(robot_of(port, baud))
         eyes = open_camera(camera, port=robot.port, session=session, robot=name)
         stack.callback(eyes.close)
         bench: Bench | None = None

@@ -1,5 +1,6 @@
 """Commands that measure a robot and write what they find into its profile."""
 
+from contextlib import ExitStack
 from math import isfinite, nan
 from pathlib import Path
 from typing import Annotated, Final
@@ -7,22 +8,34 @@ from typing import Annotated, Final
 import cv2
 import typer
 
+from macor_hil.bench import Bench, PortBench, ZenohBench
+from macor_hil.calibration import Run, drive_all, fit_wheels, moves
 from macor_hil.cameras.checks import CheckedCamera, PictureLimits, limits_for
 from macor_hil.cli.options import (
     DEFAULT_PORT,
+    BaudOption,
     CameraOption,
     ConnectOption,
     PortOption,
     RobotOption,
+    SpeedOption,
     ZenohConfigOption,
     camera_of,
+    progress_bar,
 )
+from macor_hil.drive import DriveSettings
 from macor_hil.errors import CameraError
+from macor_hil.hardware import is_embedded, robot_of
+from macor_hil.odometry import Wheels
 from macor_hil.profile import change_profile, load_profile
+from macor_hil.rulers import BenchRuler, Hands, Ruler
+from macor_hil.telemetry.session import open_session
 from macor_hil.vision.mirror_fit import draw_mirror, find_mirror
 from macor_hil.vision.unwrap import Image
 from protocol.mirror import Mirror
 from protocol.side_channel import DEFAULT_ENDPOINT
+
+_DRIVE: Final = DriveSettings()
 
 DEFAULT_PROFILE: Final = Path("runs/robot.json")
 
@@ -78,6 +91,62 @@ def camera(
         f"centre {mirror.centre_x:g}, {mirror.centre_y:g}; inner rim {mirror.inner:g}, outer rim"
         f" {mirror.outer:g} pixels; {'written to ' + str(profile) if calibrate else 'usable'};"
         f" look at {picture}"
+    )
+
+
+@app.command(epilog="[cyan]macor-hil calibrate --port /dev/ttyUSB0 --side 0.5 --runs 5[/cyan]")
+def calibrate(
+    port: PortOption = DEFAULT_PORT,
+    side: Annotated[
+        float, typer.Option(min=0.05, max=5.0, help="Side of the square, metres.")
+    ] = 0.5,
+    runs: Annotated[int, typer.Option(min=1, max=100, help="How often each move is driven.")] = 5,
+    speed: SpeedOption = _DRIVE.speed,
+    emulated: Annotated[
+        bool,
+        typer.Option(
+            "--emulated", help="Let the emulator at --connect put the robot and measure it."
+        ),
+    ] = False,
+    profile: ProfileFile = DEFAULT_PROFILE,
+    baud: BaudOption = 9600,
+    robot: RobotOption = "khepera",
+    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
+) -> None:
+    """Measure the wheels: drive marked moves, fit the way of a count and the wheel base.
+
+    A straight line, squares and turns on the spot need a free, even floor somewhat larger than the
+    square. Before each move you put the robot on its mark, after it you are asked where it stands;
+    a robot behind a khepera:// port is put and measured by its emulator.
+    """
+    known = load_profile(profile).wheels if profile.exists() else Wheels()
+    settings = DriveSettings(wheels=known, speed=speed)
+    with ExitStack() as stack:
+        driven = stack.enter_context(robot_of(port, baud))
+        bench: Bench | None = None
+        if is_embedded(port):
+            bench = PortBench(driven.port)
+        elif emulated:
+            session = stack.enter_context(open_session([], connect, zenoh_config))
+            bench = ZenohBench(session, robot)
+        ruler: Ruler = Hands(typer.echo, typer.prompt) if bench is None else BenchRuler(bench)
+        plan = moves(side)
+        done: list[Run] = []
+        with progress_bar(runs * len(plan)) as progress:
+            for run in drive_all(driven, plan, runs, settings, ruler.place, ruler.measure):
+                done.append(run)
+                progress(len(done))
+    found = fit_wheels(done, known)
+    note = (
+        f"{len(done)} moves, side {side:g} m; ends {1000 * found.before:.1f} mm from odometry"
+        f" before, {1000 * found.after:.1f} mm after (root mean square)"
+    )
+    change_profile(profile, ("wheels", note), wheels=found.wheels)
+    typer.echo(
+        f"right wheel over left {found.ratio:.5f} ± {found.ratio_error:.5f}; base"
+        f" {1000 * found.wheels.base:.3f} ± {1000 * found.base_error:.3f} mm; {note}; written to"
+        f" {profile}"
     )
 
 
