@@ -176,6 +176,14 @@ def run(
             help="A Zenoh peer to connect to, now or when it appears; repeatable.",
         ),
     ] = None,
+    zenoh_config: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Zenoh's own configuration (JSON5), for routers, TLS and access control; --listen"
+            " and --connect then do not count.",
+        ),
+    ] = None,
     camera_rate: Annotated[
         float,
         typer.Option(min=0.1, max=100.0, help="Frames a second, while someone listens."),
@@ -223,7 +231,9 @@ def run(
         stack.callback(emulators[0].close)
         channels: list[SideChannel | None] = [None] * robots
         for k, name in enumerate(names if zenoh else ()):
-            channel = SideChannel(name, [listen], connect or [], camera_rate, channels[0])
+            channel = SideChannel(
+                name, [listen], connect or [], camera_rate, channels[0], zenoh_config
+            )
             channels[k] = stack.enter_context(channel)
         ports = []
         for _ in names:

@@ -12,6 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple, Self, TypeVar, cast
 
@@ -60,6 +61,7 @@ class SideChannel:
         connect: endpoints of peers to connect to, now or when they appear.
         camera_rate: frames a second of the camera's stream.
         beside: another robot's channel, whose session it shares instead of one of its own.
+        config: Zenoh's own configuration, instead of `listen` and `connect`.
 
     Raises:
         EmulatorError: an endpoint is malformed or already in use.
@@ -72,13 +74,18 @@ class SideChannel:
         connect: Sequence[str] = (),
         camera_rate: float = 10.0,
         beside: "SideChannel | None" = None,
+        config: Path | None = None,
     ) -> None:
         self._waiting: deque[tuple[_Replier, zenoh.Query]] = deque()
         with ExitStack() as stack:
             self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
             stack.callback(os.close, self._wake)
             self._session: zenoh.Session = (
-                beside._session if beside else stack.enter_context(_open_session(listen, connect))
+                beside._session
+                if beside
+                else stack.enter_context(
+                    _open_from(config) if config else _open_session(listen, connect)
+                )
             )
             session = self._session
             self._tap = WireTap()
@@ -280,6 +287,14 @@ def _json(payload: Payload) -> _Content:
 
 def _stamp(sequence: int, emulator: Emulator) -> str:
     return Stamp(sequence=sequence, time=emulator.now).model_dump_json()
+
+
+def _open_from(config: Path) -> zenoh.Session:
+    try:
+        return zenoh.open(zenoh.Config.from_file(str(config)))
+    except zenoh.ZError as error:
+        reason = str(error).partition(" at /")[0]
+        raise EmulatorError(f"cannot open a Zenoh session as {config} says: {reason}") from None
 
 
 def _open_session(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Session:

@@ -1,0 +1,130 @@
+"""The example configurations of docs/zenoh: who gets in, and who may do what."""
+
+import shutil
+import subprocess
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+import pytest
+import zenoh
+from controller_helpers import PATIENCE, free_endpoint, wait_until_watched
+
+from macor_hil.errors import TelemetryError
+from macor_hil.telemetry.session import open_session
+from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
+
+DOCS = Path(__file__).parents[1] / "docs" / "zenoh"
+SILENCE = 0.5
+"""Seconds after which nothing more is taken to come."""
+
+pytestmark = [
+    pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl"),
+    pytest.mark.usefixtures("router"),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Certificates, and the examples with a free port and paths of these."""
+    folder = tmp_path_factory.mktemp("zenoh")
+    subprocess.run(["sh", str(DOCS / "certificates.sh"), str(folder / "certificates")], check=True)
+    port = free_endpoint().rpartition(":")[2]
+
+    def write(name, example, **changes):
+        text = (DOCS / example).read_text().replace("7446", port)
+        text = text.replace('"certificates/', f'"{folder}/certificates/')
+        for old, new in changes.items():
+            text = text.replace(old, new)
+        (folder / name).write_text(text)
+
+    write("router.json5", "router.json5")
+    for name in ("emulator", "controller", "watcher"):
+        write(f"{name}.json5", "client.json5", watcher=name)
+    hurried = (folder / "watcher.json5").read_text().replace("10000", "1000")
+    own = "connect_certificate", "connect_private_key", "enable_mtls"
+    kept = [line for line in hurried.splitlines() if not line.strip().startswith(own)]
+    (folder / "stranger.json5").write_text("\n".join(kept))
+    # signed by an authority of its own, and trusting ours
+    subprocess.run(["sh", str(DOCS / "certificates.sh"), str(folder / "forged")], check=True)
+    forged = hurried.replace("certificates/watcher", "forged/watcher")
+    (folder / "forger.json5").write_text(forged)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def router(folder):
+    with zenoh.open(zenoh.Config.from_file(str(folder / "router.json5"))) as session:
+        yield session
+
+
+@contextmanager
+def sessions(folder, *names):
+    with ExitStack() as stack:
+        yield [
+            stack.enter_context(open_session([], [], folder / f"{name}.json5")) for name in names
+        ]
+
+
+def heard(session, key):
+    queue = SimpleQueue()
+    session.declare_subscriber(key, queue.put)
+    return queue
+
+
+def nothing(queue):
+    with pytest.raises(Empty):
+        queue.get(timeout=SILENCE)
+    return True
+
+
+def test_a_watcher_hears_the_controller_and_may_ask(folder):
+    with sessions(folder, "controller", "watcher") as (controller, watcher):
+        queue = heard(watcher, "macor/khepera/decision")
+        wait_until_watched(controller, "macor/khepera/decision")
+        controller.put("macor/khepera/decision", "left")
+        assert queue.get(timeout=PATIENCE).payload.to_string() == "left"
+
+
+def test_a_watcher_can_neither_publish_nor_stop(folder):
+    stops = []
+    with (
+        sessions(folder, "controller", "watcher", "controller") as (controller, watcher, other),
+        StopKey(controller, "khepera", stops.append),
+    ):
+        queue = heard(other, "macor/khepera/**")
+        wait_until_watched(controller, "macor/khepera/state")
+        watcher.put("macor/khepera/state", "all is well")
+        watcher.put("macor/khepera/stop", "stop")
+        with pytest.raises(TelemetryError, match="nobody answers"):
+            ask_to_stop(watcher, "khepera")
+        assert nothing(queue)
+        assert not stops
+        ask_to_stop(other, "khepera")
+        assert stops
+
+
+def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder):
+    with sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher):
+
+        def answer(query):
+            with query:
+                query.reply("khepera/khepera/reset", "done")
+
+        with emulator.declare_queryable("khepera/khepera/reset", answer):
+            while not list(controller.get("khepera/khepera/reset", timeout=PATIENCE)):
+                pass  # until the router has heard of it
+            assert not list(watcher.get("khepera/khepera/reset", timeout=SILENCE))
+
+
+@pytest.mark.parametrize("name", ["stranger", "forger"])
+def test_a_stranger_without_a_certificate_of_ours_gets_nothing(folder, name):
+    with sessions(folder, "watcher"), pytest.raises(TelemetryError, match=f"{name}.json5 says"):
+        open_session([], [], folder / f"{name}.json5")
+
+
+def test_a_file_that_cannot_be_used_is_named(tmp_path):
+    (tmp_path / "cake.json5").write_text("flour")
+    for name in ("none", "cake"):
+        with pytest.raises(TelemetryError, match=f"{name}.json5 says"):
+            open_session([], [], tmp_path / f"{name}.json5")
