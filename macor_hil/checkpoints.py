@@ -1,4 +1,8 @@
-"""Training that survives being killed: a checkpoint after each session, the map at the end."""
+"""Training that survives being killed: checkpoints on the way, the map at the end.
+
+With a bench that resets, a checkpoint after each session is enough for the same map, byte for byte.
+A robot's commands cannot be driven again: there every command is kept as soon as it is learned.
+"""
 
 from collections.abc import Callable
 from dataclasses import asdict
@@ -8,10 +12,11 @@ from typing import Any
 from macor_hil.bench import Bench
 from macor_hil.brain import Brain, Settings
 from macor_hil.cameras import Camera
+from macor_hil.caretaker import Caretaker
 from macor_hil.drive import Driver
 from macor_hil.errors import MapError
 from macor_hil.map_file import load_map, save_map
-from macor_hil.training import Schedule, Trainer
+from macor_hil.training import Phase, Schedule, Session, Trainer
 
 
 def checkpoint_path(path: Path) -> Path:
@@ -26,6 +31,8 @@ def train_map(
     place: str,
     hardware: tuple[Driver, Camera, Bench | None],
     progress: Callable[[int], None],
+    care: Caretaker | None = None,
+    every: int = 0,
 ) -> Brain:
     """Train a map to its end, from its checkpoint if there is one.
 
@@ -36,6 +43,8 @@ def train_map(
         place: what is trained on (the port); a checkpoint of another place is refused.
         hardware: driver and camera, and the bench of an emulated robot.
         progress: hears how many commands have been driven in all.
+        care: gets robot and camera over failures, and asks for room on a full disk.
+        every: commands from one checkpoint to the next within a session; 0: none within.
 
     Raises:
         MapError: the checkpoint belongs to another training, or a file cannot be written.
@@ -44,22 +53,57 @@ def train_map(
     # compared as JSON gives it back: lists for tuples, plain strings for enumerations
     facts: dict[str, Any] = {"place": place, "schedule": _plain(asdict(schedule))}
     part = checkpoint_path(path)
-    brain, first = Brain(settings), 0
+    brain, first, done = Brain(settings), 0, 0
+    seen: list[list[float]] = []
     if part.exists():
-        brain, first = _resume(part, settings, facts)
+        brain, first, done, seen = _resume(part, settings, facts)
     driver, camera, bench = hardware
-    trainer = Trainer(brain, driver, camera, bench, schedule)
+    trainer = Trainer(brain, driver, camera, bench, schedule, care)
+    trainer.seen = seen
     sessions = schedule.sessions()
-    progress(sessions[first].start if first < len(sessions) else schedule.commands)
+    progress(sessions[first].start + done if first < len(sessions) else schedule.commands)
+
+    def save(target: Path, sessions_done: int, commands_done: int = 0) -> None:
+        state: dict[str, Any] = {"sessions": sessions_done}
+        if commands_done:
+            tuning = sessions[sessions_done].phase is Phase.TUNING
+            state |= {"done": commands_done, "seen": trainer.seen if tuning else []}
+        _save_with_a_hand(target, brain, {**facts, **state}, care)
+
     for session in sessions[first:]:
-        trainer.run(session, progress)
-        save_map(part, brain, {**facts, "sessions": session.number + 1})
-    save_map(path, brain, {**facts, "sessions": len(sessions)})
+
+        def after(driven: int, session: Session = session) -> None:
+            inside = driven - session.start
+            if every and inside % every == 0 and inside < session.length:
+                save(part, session.number, inside)
+            progress(driven)
+
+        trainer.run(session, after, done)
+        done = 0
+        save(part, session.number + 1)
+    save(path, len(sessions))
     part.unlink()
     return brain
 
 
-def _resume(part: Path, settings: Settings, facts: dict[str, Any]) -> tuple[Brain, int]:
+def _save_with_a_hand(
+    path: Path, brain: Brain, training: dict[str, Any], care: Caretaker | None
+) -> None:
+    while True:
+        try:
+            save_map(path, brain, training)
+        except MapError as error:
+            if care is None:
+                raise
+            care.need_a_hand(f"{error}. The robot stands; make room, and it goes on", error)
+        else:
+            return
+
+
+def _resume(
+    part: Path, settings: Settings, facts: dict[str, Any]
+) -> tuple[Brain, int, int, list[list[float]]]:
+    """The brain, sessions done, commands done of the next one, and what was seen in tuning."""
     brain, training = load_map(part)
     same = {name: training.get(name) == value for name, value in facts.items()}
     same["settings"] = brain.settings == settings
@@ -69,7 +113,7 @@ def _resume(part: Path, settings: Settings, facts: dict[str, Any]) -> tuple[Brai
             f"the checkpoint {part} is of another training (its {other} differ); finish that one"
             " with its own options, or begin anew with --restart"
         )
-    return brain, int(training["sessions"])
+    return brain, int(training["sessions"]), int(training.get("done", 0)), training.get("seen", [])
 
 
 def _plain(value: dict[str, Any]) -> dict[str, Any]:

@@ -149,6 +149,18 @@ class Driver:
         self._robot.stop()
         self._target = self._robot.counters()
 
+    def turn(self, angle: float) -> None:
+        """Turn on the spot by radians, to the left; a round body has always room for that.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        ways = self._settings.wheels.counts(0.0, angle)
+        self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
+        self._go(self._target, ways, watch=False)
+        self._robot.stop()
+        self._target = self._robot.counters()
+
     def _go(
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
     ) -> tuple[tuple[int, ...], bool]:

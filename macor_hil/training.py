@@ -3,12 +3,15 @@
 Training is cut into sessions. On an emulated robot a session begins with a seeded reset and has a
 random generator of its own, so that it depends on nothing but the brain that it starts with, the
 seed and its number: a training that was killed goes on from its last checkpoint and ends with
-the same map, byte for byte. On a physical robot a session begins where the robot stands.
+the same map, byte for byte. On a physical robot a session begins where the robot stands, and goes
+on where it was left, command by command: sessions as long as a battery lasts add up to one map.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from math import pi
+from typing import Final
 
 import numpy as np
 
@@ -16,9 +19,14 @@ from macor_hil.agent import NO_PLAN, Agent, Choice, View
 from macor_hil.bench import Bench
 from macor_hil.brain import Brain
 from macor_hil.cameras import Camera
+from macor_hil.caretaker import Caretaker
 from macor_hil.drive import COMMANDS, Driver
+from macor_hil.errors import CameraError, RobotError
 from macor_hil.planners.reactive import Reactive
 from protocol.side_channel import Reset
+
+_STUCK: Final = 8
+"""Collisions with the first command in a row after which driving back does not help."""
 
 
 class Recovery(StrEnum):
@@ -94,6 +102,10 @@ class Trainer:
         driver, camera: the robot.
         bench: reset of an emulated robot, or None.
         schedule: how much.
+        care: gets robot and camera over their failures; None: a failure ends the training.
+
+    Attributes:
+        seen: features that have been seen in tuning, shape (commands, M) as lists.
     """
 
     def __init__(
@@ -103,31 +115,41 @@ class Trainer:
         camera: Camera,
         bench: Bench | None,
         schedule: Schedule,
+        care: Caretaker | None = None,
     ) -> None:
+        self.seen: list[list[float]] = []
+        self._care = care
+        self._stuck = 0
         self._brain = brain
         self._driver = driver
         self._camera = camera
         self._bench = bench
         self._schedule = schedule
 
-    def run(self, session: Session, progress: Callable[[int], None]) -> None:
+    def run(self, session: Session, progress: Callable[[int], None], done: int = 0) -> None:
         """Train one session; `progress` hears how many commands have been driven in all.
+
+        Args:
+            session: which.
+            progress: called after each command.
+            done: commands of the session that have been driven before.
 
         Raises:
             RobotError, CameraError, BenchError: the hardware or the emulator fails.
         """
-        rng = np.random.default_rng([self._schedule.seed, session.number])
+        place = [session.number, done] if done else [session.number]
+        rng = np.random.default_rng([self._schedule.seed, *place])
         if self._bench is not None:
             self._bench.reset(Reset(random=True, seed=int(rng.integers(2**31))))
         if session.phase is Phase.TUNING:
             # what the untuned eyes take for situations is thrown away
             scratch = Agent(Brain(self._brain.settings), self._driver, self._camera)
-            views = list(self._drive(session, scratch, rng, progress))
-            seen = np.array([view.features for view in views])
-            self._brain.fields = self._brain.fields.tuned_to(seen)
+            for view in self._drive(session, scratch, rng, progress, done):
+                self.seen.append(view.features.tolist())
+            self._brain.fields = self._brain.fields.tuned_to(np.array(self.seen))
         else:
             agent = Agent(self._brain, self._driver, self._camera)
-            for _ in self._drive(session, agent, rng, progress):
+            for _ in self._drive(session, agent, rng, progress, done):
                 pass
 
     def _drive(
@@ -136,21 +158,41 @@ class Trainer:
         agent: Agent,
         rng: np.random.Generator,
         progress: Callable[[int], None],
+        before: int,
     ) -> Iterator[View]:
         """Drive and learn the commands of a session; gives what is seen after each."""
         choose = self._choice(session.phase, agent, rng)
-        view = agent.begin(learn=True)
-        since_begin = 0
-        for done in range(1, session.length + 1):
-            step = agent.step(view, choose, learn=True)
+        view = self._begin(agent)
+        since_begin, done = 0, before
+        while done < session.length:
+            try:
+                step = agent.step(view, choose, learn=True)
+            except (RobotError, CameraError) as error:
+                # a command without a known outcome teaches nothing
+                self._get_over(error)
+                view = self._begin(agent)
+                continue
+            done += 1
             view = step.after
             yield view
             progress(session.start + done)
             since_begin += 1
             if step.outcome.collided or self._is_long(since_begin):
-                self._recover(rng)
-                view = agent.begin(learn=True)
+                self._recover(rng, at_once=since_begin == 1)
+                view = self._begin(agent)
                 since_begin = 0
+
+    def _begin(self, agent: Agent) -> View:
+        while True:
+            try:
+                return agent.begin(learn=True)
+            except (RobotError, CameraError) as error:
+                self._get_over(error)
+
+    def _get_over(self, error: RobotError | CameraError) -> None:
+        if self._care is None:
+            raise error
+        self._care.get_over(error)
 
     def _choice(self, phase: Phase, agent: Agent, rng: np.random.Generator) -> Choice:
         def draw() -> int:
@@ -164,11 +206,20 @@ class Trainer:
         """Whether an emulated robot has been in one place long enough."""
         return self._resetting is not None and commands >= self._schedule.episode
 
-    def _recover(self, rng: np.random.Generator) -> None:
+    def _recover(self, rng: np.random.Generator, *, at_once: bool) -> None:
         if self._resetting is not None:
             self._resetting.reset(Reset(random=True))
-        else:
+            return
+        try:
             self._driver.back_off(int(rng.integers(3, 9)))
+            if at_once:  # there was no way back worth the name
+                self._driver.turn(float(rng.uniform(-pi, pi)))
+        except RobotError as error:
+            self._get_over(error)
+        self._stuck = self._stuck + 1 if at_once else 0
+        if self._stuck >= _STUCK and self._care is not None:
+            self._care.stuck()
+            self._stuck = 0
 
     @property
     def _resetting(self) -> Bench | None:

@@ -6,14 +6,17 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import macor_hil.checkpoints
 from macor_hil.brain import Brain, Settings
+from macor_hil.caretaker import Ask, Caretaker
 from macor_hil.checkpoints import checkpoint_path, train_map
 from macor_hil.drive import Driver
-from macor_hil.errors import MapError
+from macor_hil.errors import MapError, RobotError
 from macor_hil.hardware import open_hardware
 from macor_hil.map_file import load_map
 from macor_hil.training import Phase, Recovery, Schedule
@@ -119,3 +122,109 @@ def test_driving_back_recovers_without_any_reset(tmp_path: Path) -> None:
     assert brain.map.z.sum() == 170
     # it did collide, and went on
     assert np.count_nonzero((brain.map.w_r < 0.4) & (brain.map.z > 0)) > 0
+
+
+BACKING = replace(SHORT, random=60, reactive=0, recovery=Recovery.BACK, session=40)
+
+
+def train_on_a_robot(
+    path: Path,
+    fail_at: tuple[int, ...] = (),
+    stop_at: int | None = None,
+    ask: Ask | None = None,
+    failure: type[Exception] = RobotError,
+) -> Brain:
+    """A training without any reset, on a robot that fails at times."""
+    with open_hardware(PORT) as hardware:
+        moves: list[tuple[int, int]] = []
+        go_to = hardware.robot.go_to
+
+        def failing(left: int, right: int) -> None:
+            moves.append((left, right))
+            go_to(left, right)
+            if len(moves) in fail_at:
+                raise failure("it failed")
+
+        def progress(done: int) -> None:
+            if done == stop_at:
+                raise StopHereError
+
+        hardware.robot.go_to = failing  # type: ignore[method-assign]
+        devices = Driver(hardware.robot), hardware.camera, None
+        care = Caretaker(hardware.robot, hardware.camera, ask, patience=1.0)
+        return train_map(path, SETTINGS, BACKING, PORT, devices, progress, care, 1)
+
+
+def test_a_training_without_reset_gets_over_failures_and_learns_nothing_from_them(
+    tmp_path: Path,
+) -> None:
+    brain = train_on_a_robot(tmp_path / "a.npz", fail_at=(7, 30, 31, 50))
+    assert brain.map.z.sum() == BACKING.random
+    assert not checkpoint_path(tmp_path / "a.npz").exists()
+
+
+@pytest.mark.parametrize("stop_at", [9, 20, 33, 61])
+def test_sessions_on_a_robot_add_up_to_one_map(tmp_path: Path, stop_at: int) -> None:
+    path = tmp_path / "a.npz"
+    with pytest.raises(StopHereError):
+        train_on_a_robot(path, stop_at=stop_at)
+    brain, training = load_map(checkpoint_path(path))
+    driven = {0: 0, 1: 20, 2: 60}[training["sessions"]] + training.get("done", 0)
+    assert driven in (stop_at, stop_at - 1)  # what a session ends with is kept when it has ended
+    assert brain.map.z.sum() == max(0, driven - 20)
+    assert train_on_a_robot(path).map.z.sum() == BACKING.random
+
+
+def test_a_full_disk_is_waited_out_with_a_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    save = macor_hil.checkpoints.save_map
+
+    def full(path: Path, *rest: Any) -> None:
+        if len(asked) < 2:
+            raise MapError(f"cannot write {path}: No space left on device")
+        save(path, *rest)
+
+    monkeypatch.setattr("macor_hil.checkpoints.save_map", full)
+    brain = train_on_a_robot(tmp_path / "a.npz", ask=asked.append)
+    assert len(asked) == 2
+    assert "No space left on device. The robot stands; make room" in asked[0]
+    assert brain.map.z.sum() == BACKING.random
+
+
+def test_without_a_hand_a_full_disk_ends_the_training(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *_: Any) -> None:
+        raise MapError(f"cannot write {path}: No space left on device")
+
+    monkeypatch.setattr("macor_hil.checkpoints.save_map", full)
+    with pytest.raises(MapError, match="No space left"):
+        train_on_a_robot(tmp_path / "a.npz")
+
+
+def test_a_robot_that_stays_away_is_seen_to_by_hand() -> None:
+    class Away:
+        clock = staticmethod(lambda: 0.0)
+        hands = 0
+
+        def recover(self, patience: float) -> bool:
+            if not self.hands:
+                raise RobotError(f"silent for {patience} s")
+            return False
+
+    class Seeing:
+        def grab(self) -> None:
+            pass
+
+    robot = Away()
+
+    def help_it(_: str) -> None:
+        robot.hands += 1
+
+    Caretaker(robot, Seeing(), help_it).get_over(RobotError("it failed"))  # type: ignore[arg-type]
+    assert robot.hands == 1
+    robot.hands = 0
+    with pytest.raises(RobotError, match="silent"):
+        Caretaker(robot, Seeing()).get_over(RobotError("it failed"))  # type: ignore[arg-type]

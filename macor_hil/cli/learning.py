@@ -1,5 +1,7 @@
 """Commands that train maps and score them."""
 
+import sys
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +14,9 @@ from rich.table import Table
 
 from macor_hil.agent import Agent
 from macor_hil.brain import Settings
+from macor_hil.cameras.checks import CheckedCamera, limits_for
+from macor_hil.cameras.watch import CameraWatch
+from macor_hil.caretaker import Caretaker
 from macor_hil.checkpoints import checkpoint_path, train_map
 from macor_hil.cli.options import (
     COLUMNS,
@@ -22,17 +27,20 @@ from macor_hil.cli.options import (
     ConnectOption,
     MapOption,
     PortOption,
+    ProfileOption,
     RobotOption,
     SeedOption,
+    ZenohConfigOption,
     hardware_of,
     progress_bar,
 )
 from macor_hil.demo import DEFAULT_SEED
-from macor_hil.drive import Driver
+from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import MacorError, MapError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.map_file import load_map
 from macor_hil.planners import PLANNERS
+from macor_hil.profile import load_profile
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
 from protocol.side_channel import DEFAULT_ENDPOINT, Reset
@@ -68,13 +76,16 @@ def train(
     ] = RecoveryChoice.AUTO,
     robot: RobotOption = "khepera",
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
+    profile: ProfileOption = None,
     restart: Annotated[
         bool, typer.Option("--restart", help="Begin anew, even with a map or checkpoint there.")
     ] = False,
 ) -> None:
     """Train a map: random commands, then reactively selected ones.
 
-    A training that was interrupted goes on from its last checkpoint when started again.
+    A training that was interrupted goes on from its last checkpoint when started again. Without
+    the emulator's reset that is after every command: stop with Ctrl-C when the battery is low.
     """
     if restart:
         checkpoint_path(map_file).unlink(missing_ok=True)
@@ -90,16 +101,34 @@ def train(
         recovery=Recovery(recovery.value),
     )
     settings = Settings(nodes=nodes, vigilance=vigilance)
+    drive = DriveSettings(wheels=load_profile(profile).wheels) if profile else DriveSettings()
+    if profile and (mirror := load_profile(profile).mirror):
+        settings = replace(settings, mirror=mirror)
     with (
-        hardware_of(port, camera, baud, robot, connect) as hardware,
+        hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware,
         progress_bar(schedule.commands) as progress,
     ):
-        devices = Driver(hardware.robot), hardware.camera, hardware.bench
-        brain = train_map(map_file, settings, schedule, port, devices, progress)
+        eyes = CheckedCamera(hardware.camera, limits_for(settings.mirror))
+        if schedule.recovery is Recovery.RESET:
+            devices = Driver(hardware.robot, drive), eyes, hardware.bench
+            brain = train_map(map_file, settings, schedule, port, devices, progress)
+        else:
+            ask = _ask if sys.stdin.isatty() else None
+            care = Caretaker(hardware.robot, eyes, ask)
+            with CameraWatch(eyes) as watch:
+                driver = Driver(hardware.robot, drive, watch.guard)
+                brain = train_map(
+                    map_file, settings, schedule, port, (driver, eyes, None), progress, care, 1
+                )
     typer.echo(
         f"{map_file}: {brain.art.size} situations, {np.count_nonzero(brain.map.z)} transitions"
         f" from {schedule.commands} commands"
     )
+
+
+def _ask(what: str) -> None:
+    """Have the operator see to something; Ctrl-C ends the training, which can go on later."""
+    typer.prompt(f"\a{what}. Press Enter when done", default="", show_default=False)
 
 
 @app.command(epilog="[cyan]macor-hil trials --map runs/corridor.npz --trials 20[/cyan]")
