@@ -2,13 +2,14 @@
 #   make run    an emulated robot learns and drives the curve
 #   make test   style, types and tests
 #   make bench  speed, as ratios (two minutes)
+#   make faults a live run and what may befall it (ten minutes)
 
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint bench lock clean
+.PHONY: run test lint bench faults lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -24,6 +25,9 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python benchmarks/run.py
+
+faults: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/faults.py
 
 # NumPy and setuptools come first: where there is no wheel of PyBullet (CPython above 3.11), pip
 # builds it, and only with NumPy at hand it hands out pictures as arrays.

@@ -84,6 +84,7 @@ class Controller:
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **popen
         )
         self.lines = []
+        self.times = []  # when each line came, seconds
         self._came = threading.Condition()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -92,6 +93,7 @@ class Controller:
         for line in self.process.stdout:
             with self._came:
                 self.lines.append(line.rstrip("\n"))
+                self.times.append(time.monotonic())
                 self._came.notify_all()
         with self._came:
             self.lines.append(None)

@@ -1,0 +1,97 @@
+"""How far changes of brightness and white balance leave the situation alone: docs/light.md.
+
+A map is trained in one light; pictures from places of their own are then changed as a camera
+would, and the share of them that is still taken for the same situation is counted.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from page import DOCS, PICTURES, table, write_part
+
+from macor_hil.brain import Brain, Settings
+from macor_hil.drive import Driver
+from macor_hil.hardware import open_hardware
+from macor_hil.training import Schedule, Trainer
+from macor_hil.vision.unwrap import Image
+from protocol.side_channel import Reset
+
+_PICTURES = 100
+_SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3)
+_PAGE = DOCS / "light.md"
+
+Change = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
+
+
+def _gain(*channels: int) -> Change:
+    def change(image: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+        factors = np.ones(3)
+        factors[list(channels)] = share
+        return image * factors
+
+    return change
+
+
+_CHANGES: dict[str, Change] = {
+    "brightness (all channels)": _gain(0, 1, 2),
+    "white balance: blue": _gain(0),
+    "white balance: red": _gain(2),
+    "fog: black level raised": lambda image, share: image + 255 * (1 - share) / 2,
+}
+
+
+def main() -> None:
+    """Train, change, count; write the table and the picture."""
+    brain, images = _trained()
+    before = [_situation(brain, image) for image in images]
+    kept = {
+        name: [_share(brain, images, before, change, share) for share in _SHARES]
+        for name, change in _CHANGES.items()
+    }
+    head = ("change", *(f"{share:g}" for share in _SHARES))
+    rows = [(name, *(f"{100 * value:.0f} %" for value in row)) for name, row in kept.items()]
+    write_part(_PAGE, "light", table(head, rows))
+    figure = Figure(figsize=(6, 3.2), layout="constrained")
+    axes = figure.add_subplot()
+    for name, row in kept.items():
+        axes.plot(_SHARES, [100 * value for value in row], "o-", label=name)
+    axes.set(xlabel="share of the light in training", ylabel="same situation, %", ylim=(0, 102))
+    axes.legend(fontsize=7)
+    figure.savefig(PICTURES / "light.png", dpi=110)
+
+
+def _trained() -> tuple[Brain, list[Image]]:
+    schedule = Schedule(tuning=150, random=450, reactive=0, session=150, seed=3)
+    with open_hardware("khepera://corridor?seed=3") as hardware:
+        brain = Brain(Settings())
+        trainer = Trainer(brain, Driver(hardware.robot), hardware.camera, hardware.bench, schedule)
+        for session in schedule.sessions():
+            trainer.run(session, lambda _: None)
+        assert hardware.bench is not None
+        images = []
+        for seed in range(_PICTURES):
+            hardware.bench.reset(Reset(random=True, seed=5000 + seed))
+            images.append(hardware.camera.grab().image)
+    return brain, images
+
+
+def _situation(brain: Brain, image: Image) -> int:
+    return int(brain.recognise(brain.look(image), learn=False).node)
+
+
+def _share(
+    brain: Brain, images: list[Image], before: list[int], change: Change, share: float
+) -> float:
+    # a sensor's noise makes pictures of the same light differ, too
+    rng = np.random.default_rng(1)
+    same = 0
+    for image, node in zip(images, before, strict=True):
+        changed = change(image.astype(float), share) + rng.normal(0.0, 2.0, image.shape)
+        same += _situation(brain, np.clip(changed, 0, 255).astype(np.uint8)) == node
+    return same / len(images)
+
+
+if __name__ == "__main__":
+    main()
