@@ -2,7 +2,8 @@
 
 The JSON text holds the fields of `ServiceConfig`, the wheels' greatest `speed`, and `trouble`:
 `slow planner` (it takes seconds once the robot has made a step), `exception` (a defect while the
-robot drives), `clock jump` (an hour ahead). A line `step` is printed for each decision, the end of the run or its error last.
+robot drives), `clock jump` (an hour ahead). A line `step` is printed for each decision, the end of
+the run or its error last.
 """
 
 import json
