@@ -24,7 +24,7 @@ from khepera_emulator.models import KHEPERA, MODELS, find_model
 from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
-from khepera_emulator.ports.pty import FIRST_RATE
+from khepera_emulator.ports.terminal import FIRST_RATE
 from khepera_emulator.wire_log import WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
 from protocol.turrets import TURRETS

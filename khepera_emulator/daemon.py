@@ -11,8 +11,9 @@ import select
 from collections.abc import Callable
 from contextlib import suppress
 
-from khepera_emulator.clock import Clock
+from khepera_emulator.clock import Clock, on_grid
 from khepera_emulator.emulator import Emulator
+from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.port import Port
 from khepera_emulator.side_channel import SideChannel
 from khepera_emulator.wire_log import WireLog
@@ -97,18 +98,14 @@ class Daemon:
         """Serve until `stop`."""
         try:
             while not self._stopping:
-                self._wait()
-                for line in self._lines:
-                    line.serve_client(self._catch_up)
-                    line.serve_channel(self._catch_up)
-            for line in self._lines:
-                line.serve_client(self._catch_up)  # what came before the stop counts
+                self._serve(self._wait())
+            self._serve([])  # what came before the stop counts
         finally:
             os.close(self._stop)
         for line in self._lines:
             line.log_losses()
 
-    def _wait(self) -> None:
+    def _wait(self) -> list[int]:
         """Sleep until a client, a query, a byte's wire time or a robot's motion wants something.
 
         `select` keeps its time-out to a tenth of a millisecond; `poll` and `epoll` round it up
@@ -116,12 +113,31 @@ class Daemon:
         """
         readers = [self._stop]
         delay = MOVING_PERIOD if self._emulator.moving else RESTING_PERIOD
+        now = self._clock.now
         for line in self._lines:
             readers += line.descriptors()
-            delay = min(delay, line.delay(self._clock))
-        select.select(readers, (), (), delay)
+            delay = min(delay, line.delay(now, self._clock.speed))
+        return select.select(readers, (), (), max(0.0, delay))[0]
+
+    def _serve(self, ready: list[int]) -> None:
+        """One round: bytes to the robots, time, bytes to the clients, queries."""
+        for line in self._lines:
+            line.look(ready)
+        # the time is read after the bytes: none sets out before it was written
+        now = self._time()
+        for line in self._lines:
+            line.take(now)
+        self._emulator.advance(now)
+        for line in self._lines:
+            line.hand_over()
+        for line in self._lines:
+            line.serve_channel(self._catch_up)
 
     def _catch_up(self) -> None:
+        self._emulator.advance(self._time())
+
+    def _time(self) -> float:
+        """Now, on the robot's clock, which stands still if it could not keep up."""
         now = self._clock.now
         behind = (now - self._emulator.now) / self._clock.speed
         if behind > MOST_BEHIND:
@@ -129,7 +145,7 @@ class Daemon:
             excess = (behind - MOST_BEHIND) * self._clock.speed
             self._clock.fall_back(excess)
             now -= excess
-        self._emulator.advance(now)
+        return max(self._emulator.now, on_grid(now))
 
 
 class _Line:
@@ -153,73 +169,95 @@ class _Line:
         self._follow_rate = follow_rate
         self._channel = channel
         self._log = channel.listening(log) if channel else log
+        self._chunks: list[bytes] = []
+        self._watched: list[int] = []
+        self._room = _TAKE
+        self._look_again = False
+        # a line that takes no time has no rate that a client's could differ from
+        self._asks_settings = follow_rate or emulator.uart.baud is not None or bool(self._log)
         if self._log:
             emulator.uart.faults.listeners.append(self._log.fault)
 
     def descriptors(self) -> list[int]:
         """What becomes readable when a client or a query comes."""
-        readers = list(self._port.descriptors(room=self._room() > 0))
-        if self._channel:
-            readers.append(self._channel.fileno())
-        return readers
+        self._room = self._emulator.uart.room(self._emulator.now, _TAKE)
+        self._watched = self._port.descriptors(room=self._room > 0)
+        return [*self._watched, self._channel.fileno()] if self._channel else self._watched
 
-    def delay(self, clock: Clock) -> float:
-        """Real seconds until something is due, at most `RESTING_PERIOD`."""
-        delay = RESTING_PERIOD if self._room() else MOVING_PERIOD
+    def delay(self, now: float, speed: float) -> float:
+        """Real seconds until something is due, at most `RESTING_PERIOD`; may be negative."""
+        delay = RESTING_PERIOD if self._room else MOVING_PERIOD
         if self._channel:
             delay = min(delay, self._channel.delay())
         uart = self._emulator.uart
         request = uart.next_request()
         if request is not None:
-            delay = min(delay, clock.delay(request))
+            delay = min(delay, (request - now) / speed)
         queued = uart.queued()
         if queued:
-            first = clock.delay(uart.due(1)) + CHUNK
-            delay = min(delay, first, clock.delay(uart.due(queued)))
+            first = (uart.due(1) - now) / speed + CHUNK
+            delay = min(delay, first, (uart.due(queued) - now) / speed)
         return delay
 
-    def serve_client(self, catch_up: Callable[[], None]) -> None:
-        """Take the client's bytes, come up to now, hand it the bytes that have reached it."""
-        emulator, port = self._emulator, self._port
-        chunks = port.receive(self._room())
-        # the time is read after the bytes: none sets out before it was written
-        catch_up()
-        if chunks:
-            self._receive(chunks)
-        count = emulator.uart.arrived(emulator.now)
-        # who has come since the look above must not get what was said to the one before
-        if count and not port.changed():
-            when = emulator.uart.due(count)
-            reply = emulator.read()
-            if self._log:
-                self._log.reply(when, reply)
-            port.write(reply)
-        # a line without a rate has delivered already; the replies go next time round, after
-        # another look at who is there
-        if chunks:
-            emulator.advance(emulator.now)
+    def look(self, ready: list[int]) -> None:
+        """See what the client has done.
 
-    def _receive(self, chunks: list[bytes]) -> None:
-        emulator = self._emulator
-        settings = self._port.settings()
-        if self._log:
-            self._log.line(emulator.now, settings)
-        if not self._follow_rate:
-            emulator.uart.client = settings
-        elif settings:  # a port that tells nothing keeps the rate before
-            emulator.uart.baud = settings.baud
+        Args:
+            ready: descriptors that have become readable, of this line or of others; if there
+                are none, some time has passed.
+        """
+        if not ready or self._look_again or any(each in ready for each in self._watched):
+            self._look_again = False
+            self._chunks = self._port.receive(self._room)
+
+    def take(self, now: float) -> None:
+        """Put on the line, now, what the client has done."""
+        chunks, self._chunks = self._chunks, []
+        if not chunks:
+            return
+        emulator, uart, log = self._emulator, self._emulator.uart, self._log
+        if uart.faults:
+            emulator.advance(now)  # what happens to a byte may hang on what was said before it
+        if self._asks_settings:
+            self._set(now, self._port.settings())
         for chunk in chunks:
             if not chunk:
-                if self._log:
-                    self._log.close(emulator.now)
+                if log:
+                    log.close(now)
                 emulator.hang_up()
                 continue
             limit = _LEFT_BEHIND + (_TAKE if chunk is chunks[-1] else 0)
-            fitting = chunk[: max(0, limit - emulator.uart.arriving())]
+            fitting = chunk[: max(0, limit - uart.arriving())]
             self.lost += len(chunk) - len(fitting)
-            if self._log:
-                self._log.request(emulator.now, fitting)
-            emulator.write(fitting)
+            if log:
+                log.request(now, fitting)
+            uart.receive(fitting, now)
+
+    def _set(self, now: float, settings: LineFormat | None) -> None:
+        uart = self._emulator.uart
+        if self._log:
+            self._log.line(now, settings)
+        if not self._follow_rate:
+            uart.client = settings
+        elif settings:  # a port that tells nothing keeps the rate before
+            uart.baud = settings.baud
+
+    def hand_over(self) -> None:
+        """Give the client the bytes that have reached it."""
+        uart, port = self._emulator.uart, self._port
+        count = uart.arrived(self._emulator.now)
+        if not count:
+            return
+        reply = uart.waiting(count)
+        # who has come since the last look must not get what was said to the one before: nothing
+        # may come between this question and the writing
+        if port.changed():
+            self._look_again = True
+            return
+        port.write(reply)
+        if self._log:
+            self._log.reply(uart.due(count), reply)
+        uart.take(count)
 
     def serve_channel(self, catch_up: Callable[[], None]) -> None:
         """Answer one query and publish what is due."""
@@ -234,10 +272,3 @@ class _Line:
             self._port.dropped,
             self.lost + self._emulator.uart.lost,
         )
-
-    def _room(self) -> int:
-        uart = self._emulator.uart
-        # garbled or lost bytes take their time on the line too
-        if uart.received_by() - self._emulator.now > uart.wire_time(_TAKE):
-            return 0
-        return max(0, _TAKE - uart.arriving())

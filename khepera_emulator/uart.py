@@ -8,7 +8,6 @@ Every time is a multiple of `GRID`, a power of two: sums and differences of such
 exact for 97 days, so that what happens after a moment does not depend on when that moment was.
 """
 
-from collections import deque
 from collections.abc import Iterable, Iterator
 from typing import Final
 
@@ -17,7 +16,8 @@ from khepera_emulator.clock import GRID as GRID
 from khepera_emulator.clock import on_grid as on_grid
 from khepera_emulator.faults import Direction, Faults, Timed
 from khepera_emulator.line_coding import LineFormat
-from protocol.framing import RequestSplitter
+from khepera_emulator.timed_bytes import TimedBytes
+from protocol.framing import REQUEST_END, RequestSplitter
 from protocol.units import wire_time
 
 RECEIVE_LIMIT: Final = 256
@@ -26,7 +26,6 @@ RECEIVE_LIMIT: Final = 256
 SEND_LIMIT: Final = 4096
 """Bytes of replies that wait for the line; a whole reply that does not fit is lost."""
 
-_LINE_END = b"\r\n"
 _RESTART = b"restart"
 """The ROM's tool that starts the robot again: what its reset button does."""
 
@@ -44,24 +43,21 @@ class Uart:
 
     Attributes:
         lost: bytes dropped because a queue was full.
-        client: settings of the client's end; None if they are the robot's. With others both
-            ends read garbage.
         faults: what goes wrong on the line.
     """
 
     def __init__(self, baud: int | None, faults: Faults | None = None) -> None:
         self.lost = 0
-        self.client: LineFormat | None = None
         self.faults = faults or Faults()
+        self._client: LineFormat | None = None
         self._receiver_free = self._interpreter_free = self._sender_free = 0.0
         self._orphans = 0
         self._unheard = False
-        self.baud = baud
         self._splitter = RequestSplitter()
-        self._receiving: deque[tuple[float, int]] = deque()
-        self._held: deque[tuple[float, int]] = deque()
-        self._sending = bytearray()
-        self._due: deque[float] = deque()
+        self._receiving = TimedBytes()
+        self._held = bytearray()
+        self._sending = TimedBytes()
+        self.baud = baud
 
     @property
     def baud(self) -> int | None:
@@ -74,19 +70,34 @@ class Uart:
         self._format = LineFormat(rate, stop=2) if rate else None
         self._each: float = on_grid(wire_time(1, rate)) if rate else 0.0
         self._busy = INTERPRETER_TIME if rate else 0.0
+        self._compare()
+
+    @property
+    def client(self) -> LineFormat | None:
+        """Settings of the client's end; None if they are the robot's.
+
+        With others both ends read garbage.
+        """
+        return self._client
+
+    @client.setter
+    def client(self, settings: LineFormat | None) -> None:
+        self._client = settings
+        self._compare()
+
+    def _compare(self) -> None:
+        ends = self._format, self._client
+        self._garbled = bool(ends[0] and ends[1] and not ends[1].matches(ends[0]))
+        self._plain = not self.faults and not self._garbled
 
     def receive(self, data: bytes, now: float) -> None:
         """Bytes that the client puts on the line now; they arrive one after the other."""
         start = max(self._receiver_free, now)
-        if self._is_plain():
-            each = self._each
-            for byte in data:
-                start += each
-                self._receiving.append((start, byte))
-            self._receiver_free = start
+        if self._plain:
+            self._receiver_free = self._receiving.add(data, start, self._each)
             return
         items, self._receiver_free = self._pass(Direction.REQUEST, data, start)
-        self._receiving.extend(items)
+        self._receiving.add_each(items)
 
     def requests(self, until: float) -> Iterable[tuple[float, bytes]]:
         """Requests that the robot carries out by a time, with the times of their execution.
@@ -107,52 +118,78 @@ class Uart:
 
     def _carried_out(self, until: float) -> Iterator[tuple[float, bytes]]:
         receiving, held = self._receiving, self._held
-        while receiving and receiving[0][0] <= until:
-            arrival, byte = receiving.popleft()
-            if held:
-                yield from self._interpret(arrival)
-            if not held and self._interpreter_free <= arrival:
-                # an idle interpreter takes it at once
-                line = self._take(arrival, byte)
-                if line is not None:
-                    yield arrival, line
-            elif len(held) < RECEIVE_LIMIT:
-                held.append((arrival, byte))
+        while receiving or held:
+            free = self._interpreter_free
+            if receiving:
+                # what arrives while the interpreter is busy waits in the receive buffer
+                self._hold(receiving.arrived(min(until, free - GRID)))
+            if held and free <= until:
+                start, end = free, REQUEST_END.search(held)
+                count = end.end() if end else len(held)
+                data = bytes(held[:count])
+                del held[:count]
+            elif count := 0 if held else receiving.arrived(until):
+                # an idle interpreter takes a byte at once
+                count = receiving.line(count)
+                start, data = receiving.due(count), receiving.take(count)
             else:
-                self.lost += 1
-                self._take_orphan()
-        if held:
-            yield from self._interpret(until)
+                return
+            line = self._interpret(start, data)
+            if line is not None:
+                yield start, line
+
+    def _hold(self, count: int) -> None:
+        """So many more bytes arrive in the receive buffer."""
+        if count:
+            data = self._receiving.take(count)
+            fitting = data[: RECEIVE_LIMIT - len(self._held)]
+            self._held += fitting
+            self.lost += count - len(fitting)
+            self._count_orphans(count - len(fitting))
+
+    def _interpret(self, start: float, data: bytes) -> bytes | None:
+        """The interpreter takes bytes in; returns the request that the last one completes."""
+        orphan = self._count_orphans(len(data))
+        line = self._splitter.take(data)
+        if line is None:
+            return None
+        self._interpreter_free = start + self._busy
+        self._unheard = orphan
+        if self.faults and self.faults.on_request(start):
+            self._reset(start)
+            return _RESTART
+        return line
+
+    def _count_orphans(self, count: int) -> bool:
+        """Count bytes off; returns whether the last one is of a client that has left."""
+        orphans = self._orphans
+        self._orphans = max(0, orphans - count)
+        return orphans >= count
 
     def send(self, data: bytes, executed: float) -> None:
         """A reply to the latest request, executed at a time: queue it behind earlier ones."""
         if self._unheard:
             return
-        self._say(self.faults.on_reply(executed, data), executed + self._busy)
+        if self.faults:
+            data = self.faults.on_reply(executed, data)
+        self._say(data, executed + self._busy)
 
     def sent(self, now: float, limit: int | None = None) -> bytes:
         """Take the bytes, at most `limit`, that have reached the client by now."""
-        count = self.arrived(now)
-        if limit is not None and limit < count:
-            count = max(limit, 0)
-        out = bytes(self._sending[:count])
-        if count == len(self._due):
-            self._sending.clear()
-            self._due.clear()
-        else:
-            del self._sending[:count]
-            for _ in range(count):
-                self._due.popleft()
-        return out
+        count = self._sending.arrived(now)
+        return self._sending.take(count if limit is None else min(count, max(limit, 0)))
 
     def arrived(self, now: float) -> int:
         """How many bytes have reached the client by now and were not taken yet."""
-        due = self._due
-        if not due or due[0] > now:
-            return 0
-        if due[-1] <= now:
-            return len(due)
-        return next(count for count, when in enumerate(due) if when > now)
+        return self._sending.arrived(now)
+
+    def waiting(self, count: int) -> bytes:
+        """The first `count` of the queued bytes, which stay where they are."""
+        return self._sending.first(count)
+
+    def take(self, count: int) -> None:
+        """Remove the first `count` of the queued bytes: the client has them."""
+        self._sending.take(count)
 
     def queued(self) -> int:
         """How many bytes of replies have reached the client or are on their way to it."""
@@ -164,26 +201,16 @@ class Uart:
 
     def due(self, count: int) -> float:
         """When the first `count` queued bytes have reached the client."""
-        return self._due[count - 1]
-
-    def next_event(self) -> float | None:
-        """When the next byte arrives, is interpreted or a fault happens; None: a silent line."""
-        times = [self._interpreter_free] if self._held else []
-        if (moment := self.faults.next_moment()) is not None:
-            times.append(moment)
-        if self._receiving:
-            times.append(self._receiving[0][0])
-        if self._due:
-            times.append(self._due[0])
-        return min(times, default=None)
+        return self._sending.due(count)
 
     def next_request(self) -> float | None:
         """When the robot may next carry out a request or a fault happens; None: nothing is due."""
+        request = None
         if self._held:
-            request: float | None = self._interpreter_free
-        else:
-            request = next((when for when, byte in self._receiving if byte in _LINE_END), None)
-        moment = self.faults.next_moment()
+            request = self._interpreter_free
+        elif self._receiving:
+            request = self._receiving.line_due()
+        moment = self.faults.next_moment() if self.faults else None
         if request is None or moment is None:
             return moment if request is None else request
         return min(request, moment)
@@ -192,13 +219,16 @@ class Uart:
         """When the last byte that the client has written arrives at the robot."""
         return self._receiver_free
 
-    def wire_time(self, count: int) -> float:
-        """Seconds that a number of bytes takes on the line."""
-        return count * self._each
-
     def arriving(self) -> int:
         """How many bytes of the client are still on their way to the robot."""
         return len(self._receiving)
+
+    def room(self, now: float, most: int) -> int:
+        """How many bytes may follow those that are arriving, if these shall be so many at most."""
+        # garbled or lost bytes take their time on the line, too
+        if self._receiver_free - now > most * self._each:
+            return 0
+        return max(0, most - len(self._receiving))
 
     def hang_up(self) -> None:
         """The client leaves: its requests are carried out, but nobody hears the replies."""
@@ -208,7 +238,6 @@ class Uart:
     def clear_replies(self) -> None:
         """Drop what has not reached the client."""
         self._sending.clear()
-        self._due.clear()
 
     def clear(self) -> None:
         """Drop everything on the line, as when the plug is pulled, and count losses anew."""
@@ -225,28 +254,17 @@ class Uart:
         if len(self._sending) + len(data) > SEND_LIMIT:
             self.lost += len(data)
             return
-        due = max(self._sender_free, start)
-        if self._is_plain():
-            each = self._each
-            self._due.extend([due + each * count for count in range(1, len(data) + 1)])
-            self._sending += data
-            self._sender_free = due + each * len(data)
+        start = max(self._sender_free, start)
+        if self._plain:
+            self._sender_free = self._sending.add(data, start, self._each)
             return
-        items, self._sender_free = self._pass(Direction.REPLY, data, due)
-        self._due.extend(when for when, _ in items)
-        self._sending += bytes(byte for _, byte in items)
-
-    def _is_plain(self) -> bool:
-        """Whether bytes arrive as they were sent."""
-        return not self.faults and not self._is_garbled()
-
-    def _is_garbled(self) -> bool:
-        return bool(self._format and self.client and not self.client.matches(self._format))
+        items, self._sender_free = self._pass(Direction.REPLY, data, start)
+        self._sending.add_each(items)
 
     def _pass(self, direction: Direction, data: bytes, start: float) -> tuple[list[Timed], float]:
         """What arrives of bytes and when, and when the line is free again."""
         each = self._each
-        if self._is_garbled():
+        if self._garbled:
             items, free = self._garble(direction, data, start)
         else:
             items = [(start + each * count, byte) for count, byte in enumerate(data, 1)]
@@ -279,41 +297,9 @@ class Uart:
 
     def _reset(self, when: float) -> None:
         """The robot starts again: what it holds and what it has not said yet is lost."""
-        for _ in self._held:
-            self._take_orphan()
+        self._count_orphans(len(self._held))
         self._held.clear()
         self._splitter.clear()
-        said = self.arrived(when)
-        del self._sending[said:]
-        while len(self._due) > said:
-            self._due.pop()
+        self._sending.keep(self.arrived(when))
         self._interpreter_free = when + self._busy
         self._sender_free = min(self._sender_free, when)
-
-    def _interpret(self, until: float) -> Iterator[tuple[float, bytes]]:
-        # a busy interpreter leaves the bytes in the receive buffer
-        while self._held and self._interpreter_free <= until:
-            arrival, byte = self._held.popleft()
-            start = max(arrival, self._interpreter_free)
-            line = self._take(start, byte)
-            if line is not None:
-                yield start, line
-
-    def _take(self, start: float, byte: int) -> bytes | None:
-        """The interpreter takes a byte in; returns the request that it completes."""
-        orphan = self._take_orphan()
-        line = self._splitter.push(byte)
-        if line is not None:
-            self._interpreter_free = start + self._busy
-            self._unheard = orphan
-            if self.faults and self.faults.on_request(start):
-                self._reset(start)
-                return _RESTART
-        return line
-
-    def _take_orphan(self) -> bool:
-        """Count a byte off; returns whether it is of a client that has left."""
-        if not self._orphans:
-            return False
-        self._orphans -= 1
-        return True

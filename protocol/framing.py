@@ -4,13 +4,17 @@ A request ends with LF, CR or CR LF, a reply with CR LF. Both splitters take byt
 of any size and hold what is not yet a line.
 """
 
+import re
 from typing import Final
 
 LINE_END: Final = b"\r\n"
 REQUEST_LIMIT: Final = 128
 """Bytes in the longest request a robot takes in (the buffer of the ROM's console)."""
 
-_CR, _LF = LINE_END
+REQUEST_END: Final = re.compile(rb"[\r\n]")
+"""A byte that ends a request."""
+
+_ENDS = (b"\r", b"\n")
 
 
 class RequestSplitter:
@@ -27,19 +31,28 @@ class RequestSplitter:
         self._limit = limit
         self._line = bytearray()
 
-    def push(self, byte: int) -> bytes | None:
-        """Take in one byte; return the request that it completes, without its line end."""
-        if byte in (_CR, _LF):
-            line = bytes(self._line)
-            self._line.clear()
-            return (line if len(line) <= self._limit else self.OVERFLOW) or None
-        if len(self._line) <= self._limit:
-            self._line.append(byte)
-        return None
+    def take(self, data: bytes) -> bytes | None:
+        """Take in bytes of which the last one alone may end a line.
+
+        Returns:
+            The request that is complete now, without its line end.
+        """
+        line = self._line
+        if data[-1:] not in _ENDS:
+            line += data[: self._limit + 1 - len(line)]
+            return None
+        if not line:
+            whole = data[:-1]
+        else:
+            whole = bytes(line) + data[:-1]
+            line.clear()
+        return (whole if len(whole) <= self._limit else self.OVERFLOW) or None
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take in bytes; return the requests completed by them."""
-        return [line for byte in data if (line := self.push(byte)) is not None]
+        parts = REQUEST_END.split(data)
+        taken = [self.take(part + LINE_END[:1]) for part in parts[:-1]] + [self.take(parts[-1])]
+        return [line for line in taken if line is not None]
 
     def clear(self) -> None:
         """Forget a half-received line."""

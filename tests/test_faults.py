@@ -176,12 +176,12 @@ class TestLine:
 
     def test_has_stray_text_at_a_time(self):
         uart, told = line(r"stray:at=1,text=tick\n")
-        assert uart.next_event() == uart.next_request() == 1.0
+        assert uart.next_request() == 1.0
         assert answer(uart, 2.0) == []
         assert uart.due(5) == pytest.approx(1.0 + 5 * BYTE)
         assert uart.sent(2.0) == b"tick\n"
         assert told == [r"1.000000 s, reply: stray: b'tick\n'"]
-        assert uart.next_event() is None
+        assert uart.next_request() is None
 
 
 class TestReset:

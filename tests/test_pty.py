@@ -5,7 +5,7 @@ import os
 import struct
 import termios
 import tty
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -15,6 +15,7 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort
+from khepera_emulator.ports.watch import CLOSED_WRITABLE
 
 MUCH = 4096
 
@@ -28,7 +29,7 @@ def port():
 
 @contextmanager
 def client(port, flags=os.O_RDWR):
-    terminal = os.open(port.path, flags | os.O_NOCTTY | os.O_NONBLOCK)
+    terminal = os.open(port.url, flags | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         yield terminal
     finally:
@@ -146,14 +147,14 @@ class TestClients:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
             late = [b"O\n"]
-            take = port._watch.take
+            take = port._terminal.events
 
             def take_late():
                 if late:
                     os.write(first, late.pop())
                 return take()
 
-            monkeypatch.setattr(port._watch, "take", take_late)
+            monkeypatch.setattr(port._terminal, "events", take_late)
             os.write(first, b"E\n")
             assert port.receive(MUCH) == [b"E\nO\n"]
         with client(port) as second:
@@ -206,6 +207,117 @@ class TestClients:
             assert received(port) == [b"%d\n" % turn, b""]
 
 
+class TestClientsThatComeJustThen:
+    """What another process can do between two steps of ours."""
+
+    @pytest.fixture
+    def first(self, port):
+        """A client that has written and was heard, to be closed by the test."""
+        terminal = os.open(port.url, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        os.write(terminal, b"N\n")
+        assert received(port) == [b"N\n"]
+        return terminal
+
+    @pytest.fixture
+    def second(self, port):
+        """Opens the terminal and writes, when it is called first."""
+        with ExitStack() as stack:
+            opened = []
+
+            def come():
+                if not opened:
+                    opened.append(stack.enter_context(client(port)))
+                    os.write(opened[0], b"B\n")
+                return opened[0]
+
+            yield come
+
+    @staticmethod
+    def before(monkeypatch, owner, name, act):
+        """Let something happen just before every call of a function."""
+        function = getattr(owner, name)
+
+        def disturbed(*arguments):
+            act()
+            return function(*arguments)
+
+        monkeypatch.setattr(owner, name, disturbed)
+
+    @staticmethod
+    def is_answered(port, terminal):
+        port.write(b"b\r\n")
+        return unread(terminal) == b"b\r\n"
+
+    def test_when_the_last_one_is_about_to_hang_up(self, port, first, second, monkeypatch):
+        # the event of a closing comes a little before the hang-up
+        events = port._terminal.events
+        early, leaving = [CLOSED_WRITABLE], [first]
+        monkeypatch.setattr(
+            port._terminal, "events", lambda: events() + [early.pop() for _ in early[:1]]
+        )
+
+        def leave_and_come():
+            if leaving:
+                os.close(leaving.pop())
+            second()
+
+        self.before(monkeypatch, port._terminal, "wait_for_news", leave_and_come)
+        assert port.receive(MUCH) == [b"", b"B\n"]
+        assert self.is_answered(port, second())
+
+    def test_when_the_last_one_is_found_to_have_left(self, port, first, second, monkeypatch):
+        os.write(first, b"O\n")
+        os.close(first)
+        self.before(monkeypatch, port._terminal, "read_all", second)
+        assert port.receive(1) == [b"O\n", b"", b"B\n"]
+        assert self.is_answered(port, second())
+
+    def test_when_nothing_is_left_of_the_last_one(self, port, first, second, monkeypatch):
+        os.close(first)
+        self.before(monkeypatch, port._terminal, "hold", second)
+        assert port.receive(MUCH) == [b""]
+        assert port.receive(MUCH) == [b"B\n"]
+        assert self.is_answered(port, second())
+
+    def test_when_the_terminal_is_being_opened(self, port, first, second, monkeypatch):
+        os.close(first)
+        path = port.url
+        openings = os.open
+
+        def open_both(name, *flags):
+            if name == path and len(waits) == 0:
+                waits.append(None)
+                second()
+            return openings(name, *flags)
+
+        waits = []
+        monkeypatch.setattr(os, "open", open_both)
+        assert port.receive(MUCH) == [b""]
+        assert waits
+        # two openings are one event: who has come is known when it has written
+        monkeypatch.setattr(port._terminal, "wait_for_news", pytest.fail)
+        assert port.receive(MUCH) == [b"B\n"]
+        assert self.is_answered(port, second())
+
+    def test_again_and_again(self, port, first, monkeypatch):
+        os.write(first, b"O\n")
+        os.close(first)
+        left = [b"X\n", b"Y\n"]
+        with client(port) as last:
+
+            def come_and_go():
+                if left:
+                    with client(port) as another:
+                        os.write(another, left.pop(0))
+
+            self.before(monkeypatch, port._terminal, "read_all", come_and_go)
+            chunks = received(port)
+            assert b"".join(chunks) == b"O\nX\nY\n"
+            os.write(last, b"B\n")
+            assert received(port)[-1] == b"B\n"
+            assert self.is_answered(port, last)
+
+
 class TestSettings:
     def test_begin_raw_at_9600(self, port):
         with client(port) as terminal:
@@ -226,7 +338,7 @@ class TestSettings:
         assert port.settings().baud == rate  # as `stty` wants it
 
     def test_rate_may_be_any_number(self, port):
-        with serial.Serial(port.path, 31250, stopbits=2):
+        with serial.Serial(port.url, 31250, stopbits=2):
             assert port.settings() == LineFormat(31250, stop=2)
 
     def test_rate_of_zero_is_none(self, port):
@@ -237,24 +349,32 @@ class TestSettings:
             assert port.settings() is None
 
     @pytest.mark.parametrize("request_line", [b"", b"N\n"])
-    def test_end_with_the_client_that_set_them(self, port, request_line):
+    def test_outlive_the_client_as_on_a_serial_port(self, port, request_line):
         with client(port) as terminal:
             settings = termios.tcgetattr(terminal)
-            settings[3] |= termios.ECHO | termios.ICANON
-            settings[6][termios.VMIN] = 0
+            settings[0] |= termios.ICRNL
+            settings[3] |= termios.ICANON
             termios.tcsetattr(terminal, termios.TCSANOW, settings)
-            fcntl.ioctl(terminal, termios.TIOCEXCL)
             os.write(terminal, request_line)
             received(port)
-            # otherwise nobody but root could open it once the client has left, nor could we
-            assert is_exclusive(terminal) == (not request_line)
+        received(port)
+        with client(port) as terminal:
+            assert termios.tcgetattr(terminal)[:6] == settings[:6]
+
+    @pytest.mark.parametrize("request_line", [b"", b"N\n"])
+    def test_bar_nobody_for_ever(self, port, request_line):
+        with client(port) as terminal:
+            # it would stay so when the client has left: only root could open it, perhaps not we
+            fcntl.ioctl(terminal, termios.TIOCEXCL)
+            assert is_exclusive(terminal)
+            os.write(terminal, request_line)
+            received(port)
         received(port)
         with client(port) as terminal:
             assert not is_exclusive(terminal)
-            assert termios.tcgetattr(terminal)[6][termios.VMIN] == 1
-            assert received(port) == []
+            os.write(terminal, b"D,0,0\n")
+            assert received(port) == [b"D,0,0\n"]
             port.write(b"d\r\n")
-            assert received(port) == []
             assert unread(terminal) == b"d\r\n"
 
     def test_modem_lines_flushes_and_breaks_do_no_harm(self, port):

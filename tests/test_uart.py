@@ -1,6 +1,10 @@
 """The line in time, by hand-made arithmetic: 11 bits a byte, and nothing without bound."""
 
+from collections import deque
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from khepera_emulator.uart import (
     GRID,
@@ -77,10 +81,8 @@ def test_nothing_is_executed_before_its_time():
     uart.receive(b"A\nB\n", 0.0)
     first = 2 * 11 / 115200
     assert [line for _, line in uart.requests(first + 0.001)] == [b"A"]
-    assert uart.next_event() == pytest.approx(first + INTERPRETER_TIME, abs=4 * GRID)
-    assert uart.next_request() == uart.next_event()
+    assert uart.next_request() == pytest.approx(first + INTERPRETER_TIME, abs=4 * GRID)
     assert [line for _, line in uart.requests(first + 0.002)] == [b"B"]
-    assert uart.next_event() is None
     assert uart.next_request() is None
 
 
@@ -112,14 +114,10 @@ def test_replies_that_do_not_fit_are_dropped_whole_and_counted():
     assert uart.sent(1e6).count(b"\r\n") == SEND_LIMIT // 10
 
 
-def test_the_next_event_is_the_earlier_of_both_directions():
+def test_the_next_request_is_there_with_its_last_byte():
     uart = Uart(9600)
-    assert uart.next_event() is None
     uart.receive(b"H", 0.0)
-    assert uart.next_event() == pytest.approx(BYTE, abs=GRID)
     assert uart.next_request() is None
-    uart.send(b"x", -1.0)
-    assert uart.next_event() == uart.due(1)
     uart.receive(b"\n", 0.0)
     assert uart.next_request() == uart.received_by()
 
@@ -138,7 +136,7 @@ def test_clear_leaves_a_line_as_new():
     uart.send(b"x" * 5000, 5.5)
     uart.clear()
     assert uart.lost == 0
-    assert uart.next_event() is None
+    assert uart.next_request() is None
     assert uart.received_by() == 0.0
     assert ask(uart, b"H\n", b"h\r\n") == pytest.approx(2 * BYTE, abs=2 * GRID)
 
@@ -156,3 +154,94 @@ def test_times_on_the_grid_add_up_exactly_wherever_they_begin():
 def test_the_grid_is_a_nanosecond():
     assert on_grid(0.1) == pytest.approx(0.1, abs=1e-9)
     assert on_grid(on_grid(0.1)) == on_grid(0.1)
+
+
+class ByteByByte:
+    """The receiving side as its words say, a byte at a time: slow, and easy to check by reading."""
+
+    def __init__(self, rate):
+        self.each = on_grid(11 / rate) if rate else 0.0
+        self.busy = INTERPRETER_TIME if rate else 0.0
+        self.free = self.line_free = 0.0
+        self.lost = 0
+        self.arriving = deque()
+        self.held = deque()
+        self.line = b""
+
+    def receive(self, data, now):
+        self.line_free = max(self.line_free, now)
+        for byte in data:
+            self.line_free += self.each
+            self.arriving.append((self.line_free, byte))
+
+    def requests(self, until):
+        done = []
+        while self.arriving and self.arriving[0][0] <= until:
+            when, byte = self.arriving.popleft()
+            done += self.interpret(when)
+            if len(self.held) < RECEIVE_LIMIT:
+                self.held.append((when, byte))
+            else:
+                self.lost += 1
+            if self.free <= when:
+                done += self.interpret(when)
+        return done + self.interpret(until)
+
+    def interpret(self, until):
+        done = []
+        while self.held and self.free <= until:
+            when, byte = self.held.popleft()
+            if byte not in b"\r\n":
+                self.line += bytes((byte,))
+                continue
+            if self.line:
+                when = max(when, self.free)
+                self.free = when + self.busy
+                done.append((when, self.line if len(self.line) <= 128 else b"?"))
+            self.line = b""
+        return done
+
+
+@given(
+    st.sampled_from([None, 1200, 9600, 115200, 3_000_000]),
+    st.lists(
+        st.tuples(
+            st.sampled_from([b"H\n", b"\r\n", b"D,5,5\r", b"x" * 150, b"A\n" * 300, b"", b"N"]),
+            st.floats(0.0, 0.3),
+        ),
+        max_size=12,
+    ),
+)
+def test_a_line_is_as_if_every_byte_came_by_itself(rate, steps):
+    uart, model = Uart(rate), ByteByByte(rate)
+    now = 0.0
+    for data, wait in steps:
+        uart.receive(data, now)
+        model.receive(data, now)
+        now = on_grid(now + wait)
+        assert list(uart.requests(now)) == model.requests(now)
+        assert (uart.lost, uart.arriving()) == (model.lost, len(model.arriving))
+        request = uart.next_request()
+        if request is not None:
+            assert uart.room(now, 256) <= 256
+
+
+@given(
+    st.lists(st.tuples(st.binary(max_size=9), st.floats(0.0, 0.01), st.integers(0, 12))),
+    st.sampled_from([None, 9600, 115200]),
+)
+def test_replies_may_be_taken_in_any_portions(steps, rate):
+    whole, pieces = Uart(rate), Uart(rate)
+    when, times, taken = 0.0, [], b""
+    for data, wait, count in steps:
+        when = on_grid(when + wait)
+        for uart in (whole, pieces):
+            uart.send(data, when)
+        places = [whole.due(count) for count in range(1, whole.queued() + 1)]
+        assert places[: len(times)] == times
+        times = places
+        assert whole.arrived(when) == sum(each <= when for each in times)
+        got = pieces.sent(when, count)
+        assert len(got) == min(count, sum(each <= when for each in times) - len(taken))
+        taken += got
+    assert taken + pieces.sent(1e6) == whole.sent(1e6)

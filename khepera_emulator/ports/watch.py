@@ -25,7 +25,6 @@ class Watch:
     """
 
     def __init__(self, path: str) -> None:
-        self._early: list[int] = []
         libc = ctypes.CDLL(None, use_errno=True)
         try:
             self._fd: int = libc.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
@@ -50,15 +49,6 @@ class Watch:
 
         Equal events in a row come as one.
         """
-        events, self._early = self._early + self._read(), []
-        return events
-
-    def peek(self) -> list[int]:
-        """The same, and `take` gives it again."""
-        self._early = self._early + self._read()
-        return self._early
-
-    def _read(self) -> list[int]:
         try:
             events = os.read(self._fd, _BUFFER)
         except BlockingIOError:

@@ -16,6 +16,7 @@ import pytest
 import serial
 import serial.rfc2217
 import serial.urlhandler.protocol_socket
+from emulator_process import emulator
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.arena import load_arena
@@ -23,7 +24,8 @@ from khepera_emulator.clock import Clock
 from khepera_emulator.daemon import Daemon
 from khepera_emulator.emulator import Emulator, Setup
 from khepera_emulator.models import find_model
-from khepera_emulator.ports.opening import open_port
+from khepera_emulator.ports.rfc2217 import Rfc2217Port
+from khepera_emulator.ports.tcp import TcpPort
 
 PORTS = ("pty", "socket", "rfc2217", "khepera")
 MODELS = ("khepera", "khepera2")
@@ -129,6 +131,10 @@ def place(request):
             made = Place(kind, "", options("--port"), options("--port-baud"))
         elif kind == "khepera":
             made = Place(kind, model, f"khepera://corridor?model={model}")
+        elif kind == "pty":
+            # a process of its own: the clients of this one must not stop it between two steps
+            options = ("--no-zenoh", "--baud", "unpaced", "--model", model)
+            made = Place(kind, model, stack.enter_context(emulator(*options)).path)
         else:
             made = Place(kind, model, stack.enter_context(served(kind, model)))
         stack.callback(made.close)
@@ -143,11 +149,8 @@ def client(place):
 @contextmanager
 def served(kind, model):
     """A daemon in a thread of its own; gives the URL of its port."""
-    address = "127.0.0.1:0"
-    port = open_port(
-        tcp=address if kind == "socket" else None,
-        rfc2217=address if kind == "rfc2217" else None,
-    )
+    make = TcpPort if kind == "socket" else Rfc2217Port
+    port = make("127.0.0.1:0")
     emulator = Emulator(Setup(load_arena("corridor"), model=find_model(model), baud=None))
     daemon = Daemon(emulator, port, Clock(), follow_rate=False)
     thread = threading.Thread(target=daemon.run)

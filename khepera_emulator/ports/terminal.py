@@ -1,0 +1,218 @@
+"""A pseudo-terminal from its master side: bytes, settings, and who opens and closes it.
+
+The kernel tells when nobody has the terminal open: then the master side hangs up. Openings and
+closings between two looks are known from a watch. A terminal that is held open here never hangs
+up.
+"""
+
+import errno
+import fcntl
+import os
+import select
+import sys
+import termios
+import tty
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Final
+
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.ports.watch import CLOSED_READABLE, OPENED, WRITTEN, Watch
+
+FIRST_RATE: Final = 9600
+"""Bits a second that the line shows until a client sets another rate: a Khepera's mode 1."""
+
+_RATES: Final = {
+    value: int(name[1:])
+    for name, value in vars(termios).items()
+    if name[0] == "B" and name[1:].isdecimal() and name != "B0"
+}
+_ALL: Final = 1 << 17
+"""Bytes: more than the kernel keeps for one direction."""
+
+_CFLAG, _ISPEED, _OSPEED = 2, 4, 5
+_TCGETS2: Final = 0x802C542A
+"""Linux's request for settings with the rate as a number, on x86, ARM and RISC-V."""
+
+_TERMIOS2_SIZE: Final = 44
+
+
+class Terminal:
+    """A raw terminal at 9600, held open.
+
+    Attributes:
+        path: what clients open.
+        held: whether it is held open here.
+
+    Raises:
+        EmulatorError: the system gives none.
+    """
+
+    def __init__(self) -> None:
+        with ExitStack() as stack:
+            try:
+                self._master, slave = os.openpty()
+            except OSError as error:
+                raise EmulatorError(f"no pseudo-terminal to be had: {error.strerror}") from None
+            stack.callback(os.close, self._master)
+            stack.callback(os.close, slave)
+            os.set_blocking(self._master, False)
+            tty.setraw(slave, termios.TCSANOW)
+            settings = termios.tcgetattr(slave)
+            settings[_ISPEED] = settings[_OSPEED] = termios.B9600
+            termios.tcsetattr(slave, termios.TCSANOW, settings)
+            self.path = os.ttyname(slave)
+            self._slave: int | None = None
+            self._watch = Watch(self.path)
+            stack.callback(self._watch.close)
+            self._early: list[int] = []
+            self._bytes = select.poll()
+            self._bytes.register(self._master, select.POLLIN)
+            self._news = select.poll()
+            self._news.register(self._master, 0)  # hang-ups alone
+            self._news.register(self._watch.fileno(), select.POLLIN)
+            self.hold()
+            stack.pop_all()
+        os.close(slave)
+        self.events()
+
+    def close(self) -> None:
+        """Hang up: clients get an error from now on."""
+        self._watch.close()
+        if self._slave is not None:
+            os.close(self._slave)
+        os.close(self._master)
+
+    def descriptors(self, *, room: bool) -> list[int]:
+        """Descriptors that become readable when clients come or leave, and when they write."""
+        watch = self._watch.fileno()
+        return [watch, self._master] if room else [watch]
+
+    def settings(self) -> LineFormat | None:
+        """What a client has set; None for a rate of zero."""
+        settings = termios.tcgetattr(self._master)
+        rate = _RATES.get(settings[_OSPEED]) or self._odd_rate()
+        stop = 2 if settings[_CFLAG] & termios.CSTOPB else 1
+        return LineFormat(rate, stop=stop) if rate else None
+
+    def _odd_rate(self) -> int | None:
+        """A rate without a name of its own, where this system tells."""
+        termios2 = bytearray(_TERMIOS2_SIZE)
+        try:
+            fcntl.ioctl(self._master, _TCGETS2, termios2)
+        except OSError:
+            return None
+        return int.from_bytes(termios2[-4:], sys.byteorder) or None
+
+    def read(self, limit: int) -> bytes:
+        """What was written, up to a limit.
+
+        Raises:
+            EOFError: nothing, and nobody has the terminal open.
+        """
+        try:
+            return os.read(self._master, limit)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            if error.errno == errno.EIO:
+                raise EOFError from None
+            raise
+
+    def read_all(self) -> bytes:
+        """All that was written, but for a client that writes faster than it can be read."""
+        data = b""
+        with suppress(EOFError):
+            while len(data) < _ALL and (more := self.read(_ALL)):
+                data += more
+        return data
+
+    def readable(self) -> bool:
+        """Whether there is something to read, or nobody left to write it."""
+        return bool(self._bytes.poll(0))
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to those who read; returns how many there was room for."""
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
+    def events(self) -> list[int]:
+        """What clients have done since the last call, as `Watch.take` tells it."""
+        events = self._watch.take()
+        if self._early:
+            events, self._early = self._early + events, []
+        return events
+
+    def put_back(self, events: list[int]) -> None:
+        """Events that the next call of `events` shall give first."""
+        self._early = events + self._early
+
+    def wait_for_news(self, milliseconds: int) -> tuple[bool, bool]:
+        """Wait for the hang-up and for events; whether there are any."""
+        if self._early:
+            milliseconds = 0
+        happened = [descriptor for descriptor, _ in self._news.poll(milliseconds)]
+        return self._master in happened, bool(self._early) or self._watch.fileno() in happened
+
+    def changed(self) -> bool:
+        """Whether clients have come or left since the last call of `events`."""
+        happened = self._news.poll(0)
+        if happened and any(descriptor == self._master for descriptor, _ in happened):
+            return True
+        if happened:
+            self._early += self._watch.take()
+        return any(event != WRITTEN for event in self._early)
+
+    @property
+    def held(self) -> bool:
+        """Whether it is held open here."""
+        return self._slave is not None
+
+    def hold(self) -> None:
+        """Open the terminal, so that there is no hang-up, and drop what clients have not read.
+
+        Raises:
+            EmulatorError: a client has barred everybody else from it for ever.
+        """
+        if self._slave is None:
+            try:
+                with self._own(OPENED):
+                    self._slave = os.open(self.path, os.O_RDONLY | os.O_NOCTTY)
+            except OSError as error:
+                raise EmulatorError(
+                    f"a client has taken {self.path} for itself for ever (TIOCEXCL):"
+                    f" {error.strerror}; start the emulator again"
+                ) from None
+        self._admit_all()
+        termios.tcflush(self._slave, termios.TCIFLUSH)
+
+    def let_go(self) -> None:
+        """Close the terminal, because a client has it open: its leaving shall be noticed."""
+        self._admit_all()
+        if self._slave is not None:
+            with self._own(CLOSED_READABLE):
+                os.close(self._slave)
+            self._slave = None
+
+    def _admit_all(self) -> None:
+        """Let everybody open it, even if a client has taken it for itself.
+
+        It would stay so when its client has left, and then we could not come back.
+        """
+        if self._slave is not None:
+            fcntl.ioctl(self._slave, termios.TIOCNXCL)
+
+    @contextmanager
+    def _own(self, event: int) -> Iterator[None]:
+        """Do something that is no news: its event is left out."""
+        before = self._watch.take()
+        try:
+            yield
+        finally:
+            after = self._watch.take()
+            with suppress(ValueError):
+                after.remove(event)
+            self._early += before + after

@@ -1,0 +1,105 @@
+"""Bytes on their way, each with the time at which it is there."""
+
+from collections import deque
+from collections.abc import Iterable
+
+from protocol.framing import REQUEST_END
+
+
+class TimedBytes:
+    """A queue of bytes whose times never fall.
+
+    Bytes that follow each other on a wire come at equal distances: they are kept as runs. With
+    times on a grid of a power of two (see `clock.GRID`) that is exact.
+    """
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._runs: deque[tuple[float, float, int]] = deque()
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def add(self, data: bytes, start: float, each: float) -> float:
+        """Append bytes that set out one after the other; returns when the last one is there.
+
+        Args:
+            data: the bytes.
+            start: when the first one sets out.
+            each: seconds that every byte takes.
+        """
+        if data:
+            self._data += data
+            self._runs.append((start, each, len(data)))
+        return start + each * len(data)
+
+    def add_each(self, items: Iterable[tuple[float, int]]) -> None:
+        """Append bytes with a time of its own for each."""
+        for when, byte in items:
+            self._data.append(byte)
+            self._runs.append((when, 0.0, 1))
+
+    def arrived(self, now: float) -> int:
+        """How many bytes are there by now."""
+        total = 0
+        for start, each, count in self._runs:
+            if start + each * count > now:
+                if each and now > start:
+                    total += int((now - start) / each)
+                break
+            total += count
+        return total
+
+    def due(self, count: int) -> float:
+        """When the first `count` bytes are there; there are so many, and at least one."""
+        for start, each, length in self._runs:
+            if count <= length:
+                return start + each * count
+            count -= length
+        raise IndexError("not so many bytes are on their way")
+
+    def find(self, text: bytes) -> int:
+        """Where a text begins; -1 if it is not there."""
+        return self._data.find(text)
+
+    def line(self, count: int) -> int:
+        """How many of the first `count` bytes are up to the end of the first request, or all."""
+        end = REQUEST_END.search(self._data, 0, count)
+        return end.end() if end else count
+
+    def line_due(self) -> float | None:
+        """When the end of the first request is there; None if it is not on its way."""
+        end = REQUEST_END.search(self._data)
+        return self.due(end.end()) if end else None
+
+    def first(self, count: int) -> bytes:
+        """The first `count` bytes, which stay where they are."""
+        return bytes(self._data[:count])
+
+    def take(self, count: int) -> bytes:
+        """Remove the first `count` bytes, or all if there are fewer."""
+        data = bytes(self._data[:count])
+        del self._data[:count]
+        left = len(data)
+        runs = self._runs
+        while left:
+            start, each, length = runs.popleft()
+            if length > left:
+                runs.appendleft((start + each * left, each, length - left))
+                break
+            left -= length
+        return data
+
+    def keep(self, count: int) -> None:
+        """Drop all behind the first `count` bytes."""
+        del self._data[count:]
+        runs, self._runs = self._runs, deque()
+        for start, each, length in runs:
+            if count > 0:
+                self._runs.append((start, each, min(length, count)))
+            count -= length
+
+    def clear(self) -> None:
+        """Drop all."""
+        self._data.clear()
+        self._runs.clear()
