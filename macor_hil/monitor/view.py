@@ -23,6 +23,8 @@ _SENSORS: Final = tuple(
 _PHASE_STYLES: Final = {
     Phase.STARTING: "yellow",
     Phase.DRIVING: "bold green",
+    Phase.LATE: "bold yellow",
+    Phase.RECOVERING: "bold yellow",
     Phase.STOPPED: "bold cyan",
     Phase.FAILED: "bold red",
 }

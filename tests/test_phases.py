@@ -1,0 +1,19 @@
+"""Whatever phase a controller is in, the monitor shows it."""
+
+from io import StringIO
+
+import pytest
+from controller_helpers import a_state
+from rich.console import Console
+
+from macor_hil.monitor.view import render
+from macor_hil.monitor.watched import Watched
+from macor_hil.telemetry.schemas import Phase
+
+
+@pytest.mark.parametrize("phase", list(Phase))
+def test_the_monitor_shows_every_phase(phase):
+    watched = Watched("khepera", alive=True, met=True, state=a_state(phase))
+    said = StringIO()
+    Console(file=said, width=100).print(render(watched, 0.0))
+    assert phase.value in said.getvalue()
