@@ -84,7 +84,8 @@ def _train(path: Path) -> Path:
 
 def _end(controller: Any) -> tuple[str, str]:
     """Commands lost, and what became of the run."""
-    os.kill(controller.process.pid, signal.SIGTERM)
+    if controller.process.poll() is None:
+        controller.process.terminate()
     said = controller.end()
     lost = said.rsplit(maxsplit=1)[-1] if said.startswith("interrupted") else "-"
     return lost, "went on" if said.startswith("interrupted") else said[:60]
@@ -247,7 +248,8 @@ def _full_disk(folder: str) -> tuple[str, ...]:
     lost = max(0, driven - _kept(path))
     _training(path, 0, None)
     whole = int(load_map(path)[0].map.z.sum())
-    return "at once", "when there is room", str(lost), f"{words[:40]}...; then {whole} transitions"
+    how = "ended with an error" if words else "ended without a word"
+    return "at once", "when there is room", str(lost), f"{how}; then on to all {whole} transitions"
 
 
 if __name__ == "__main__":
