@@ -19,9 +19,19 @@ from rich.table import Table
 from serial_line import Exchanges, WireTime
 from simulation import Fleet, Simulation
 from training_command import Presentations, TrainingCommand
+from watching import Recording, Watched
 
 _ROUNDS = 5
-_BENCHES = (Exchanges, WireTime, Simulation, Fleet, TrainingCommand, Presentations)
+_BENCHES = (
+    Exchanges,
+    WireTime,
+    Simulation,
+    Fleet,
+    TrainingCommand,
+    Presentations,
+    Recording,
+    Watched,
+)
 _HEAD = ("figure", "measured", "against, or made of", "ratio")
 
 

@@ -17,6 +17,7 @@ MacorError
  +-- MapError               a map file that is missing, damaged, or of another version
  +-- BenchError             the emulator's side channel: reset and ground truth
  +-- TelemetryError         the Zenoh session: its endpoints, names and payloads
+ +-- RecordingError         a recording that cannot be written or read
 """
 
 
@@ -96,3 +97,7 @@ class BenchError(MacorError):
 
 class TelemetryError(MacorError):
     """The Zenoh session cannot be opened, or what came over it cannot be read."""
+
+
+class RecordingError(MacorError):
+    """A recording cannot be written or read."""

@@ -70,6 +70,9 @@ SENSORS: Final = (
 )
 """The eight infrared sensors in reply order: clockwise from the left, seen from above."""
 
+SENSOR_BEARINGS: Final = (90.0, 45.0, 10.0, -10.0, -45.0, -90.0, -170.0, 170.0)
+"""Where they nominally look, degrees from straight ahead, left positive; for drawings."""
+
 
 def _pair(low: int, high: int, unit: str, beyond: Beyond = Beyond.CLAMP) -> tuple[Field, Field]:
     return Field("left", low, high, unit, beyond), Field("right", low, high, unit, beyond)

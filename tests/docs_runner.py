@@ -19,7 +19,7 @@ from emulator_process import PATIENCE
 
 ROOT = Path(__file__).parent.parent
 PROGRAMS = ("docker", "khepera-emulator", "macor-hil", "make", "pip", "python")
-STAYS = ("khepera-emulator run", "macor-hil monitor", "macor-hil ros2")
+STAYS = ("khepera-emulator run", "macor-hil dashboard", "macor-hil monitor", "macor-hil ros2")
 
 ELSEWHERE = {
     r"make ": "Makefile: minutes, or the very tests that are running",

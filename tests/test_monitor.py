@@ -15,12 +15,15 @@ from controller_helpers import (
 from rich.console import Console
 
 from macor_hil.errors import TelemetryError
-from macor_hil.monitor.terminal import Watcher, watch
+from macor_hil.monitor.terminal import watch
 from macor_hil.monitor.view import bar, render, spark
-from macor_hil.monitor.watched import Watched
+from macor_hil.monitor.watched import Controlled, Emulated, Watched
+from macor_hil.monitor.watcher import Watcher
+from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.publisher import Publisher
-from macor_hil.telemetry.schemas import Ahead, Alternative, Phase
+from macor_hil.telemetry.schemas import Ahead, Alternative, Link, Phase
 from macor_hil.telemetry.session import open_session
+from protocol.side_channel import Truth
 
 PATIENCE = 10.0
 KEYS = [f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state")]
@@ -33,8 +36,8 @@ def text_of(watched, now=100.0, width=80):
 
 
 def a_watched(**changes):
-    watched = Watched("khepera", alive=True, met=True, state=a_state())
-    watched.decide(a_decision(3, **changes), 99.5)
+    watched = Watched("khepera", Controlled(alive=True, met=True, state=a_state()))
+    watched.controlled.decide(a_decision(3, **changes), 99.5)
     return watched
 
 
@@ -49,11 +52,11 @@ def test_without_a_controller_it_waits():
 
 def test_a_controller_that_has_gone_leaves_its_last_words():
     watched = a_watched()
-    watched.alive = False
+    watched.controlled.alive = False
     text = text_of(watched)
     assert "waiting for a controller...  the last one vanished driving" in text
     assert "situation" in text
-    watched.state = a_state(Phase.STOPPED, reason="collision")
+    watched.controlled.state = a_state(Phase.STOPPED, reason="collision")
     assert "waiting for a controller...  the last one stopped: collision" in text_of(watched)
 
 
@@ -65,7 +68,8 @@ def test_a_decision_is_shown_with_all_that_belongs_to_it():
     assert "17 (neuron 53), match 0.961, resonates" in text
     assert "2: straight→18  left→4" in text
     assert "last 0.70  total 2.80" in text
-    assert "x +0.021 m  y -0.004 m  heading +6°  counters 262 263" in text
+    assert "x +0.021 m  y -0.004 m  heading +6°" in text
+    assert "counters 262 263" in line_with(text, "wheels")
     assert re.search(r"█ 1023", text)
     assert "COLLISION" not in text
 
@@ -90,8 +94,18 @@ def test_a_collision_is_shown():
 
 def test_the_reason_of_a_failure_is_shown():
     watched = a_watched()
-    watched.state = a_state(Phase.FAILED, reason="the serial port failed")
+    watched.controlled.state = a_state(Phase.FAILED, reason="the serial port failed")
     assert "failed  3 of 40 commands  the serial port failed" in text_of(watched)
+
+
+def test_link_and_speeds_are_shown_while_they_are_known():
+    watched = a_watched()
+    assert "speeds" not in text_of(watched)
+    watched.controlled.link = EXAMPLES[Link]
+    watched.emulated = Emulated(alive=True, truth=EXAMPLES[Truth])
+    text = text_of(watched)
+    assert "240 exchanges, 26.0 ms mean, 53.0 ms worst, 0 failed" in line_with(text, "link")
+    assert "speeds 160 and 158 mm/s" in line_with(text, "wheels")
 
 
 @pytest.mark.parametrize("width", [80, 120])
@@ -101,19 +115,24 @@ def test_the_fullest_picture_fits_the_terminal(width):
         sequence_ahead=[Ahead(node=50, command="straight")] * 150,
         alternatives=[Alternative(command="c" * 40, evaluation=-123456.789)] * 12,
     )
-    watched.state = a_state(port="/dev/" + "x" * 200, map="y" * 300, reason="z" * 400)
+    watched.controlled.state = a_state(port="/dev/" + "x" * 200, map="y" * 300, reason="z" * 400)
     watched.trouble = "t" * 300
+    watched.controlled.link = EXAMPLES[Link]
+    watched.emulated = Emulated(alive=True, truth=EXAMPLES[Truth])
     for _ in range(100):
-        watched.see(123_456_789, 99.9)
-        watched.reinforcements.append(0.7)
+        watched.see(bytes(123_456), 99.9)
+        watched.controlled.history.append(a_decision())
     lines = text_of(watched, width=width).splitlines()
     assert len(lines) <= 24
     assert {len(line) for line in lines} == {width}
+    assert "│ reinforcement " in "\n".join(lines)
 
 
 def test_what_comes_from_elsewhere_cannot_steer_the_terminal():
     watched = a_watched()
-    watched.state = a_state(port="\x1b[2J\x1b]0;title\x07[bold]x[/bold]\r\n", reason="a\nb")
+    watched.controlled.state = a_state(
+        port="\x1b[2J\x1b]0;title\x07[bold]x[/bold]\r\n", reason="a\nb"
+    )
     text = text_of(watched)
     assert "\x1b" not in text
     assert "[bold]x[/bold]" in text
@@ -121,9 +140,9 @@ def test_what_comes_from_elsewhere_cannot_steer_the_terminal():
 
 
 def test_rates_and_ages_count_arrivals():
-    watched = Watched("khepera", alive=True)
+    watched = Watched("khepera", Controlled(alive=True))
     for n in range(5):
-        watched.see(6200, 90.0 + n / 4)
+        watched.see(bytes(6200), 90.0 + n / 4)
     assert "4.0/s  6.2 kB  last one 9.0 s ago" in line_with(text_of(watched), "frames")
     assert "none yet" in line_with(text_of(watched), "decisions")
 
@@ -131,17 +150,17 @@ def test_rates_and_ages_count_arrivals():
 def test_decisions_that_did_not_arrive_are_counted():
     watched = Watched("khepera")
     for sequence in (4, 5, 9):
-        watched.decide(a_decision(sequence), float(sequence))
-    assert watched.missed == 3
+        watched.controlled.decide(a_decision(sequence), float(sequence))
+    assert watched.controlled.missed == 3
     assert "3 missed" in text_of(watched)
 
 
 def test_a_new_run_begins_a_new_curve():
     watched = Watched("khepera")
     for sequence in (0, 1, 2, 0):
-        watched.decide(a_decision(sequence), 0.0)
-    assert list(watched.reinforcements) == [0.7]
-    assert watched.missed == 0
+        watched.controlled.decide(a_decision(sequence), 0.0)
+    assert [past.sequence for past in watched.controlled.history] == [0]
+    assert watched.controlled.missed == 0
 
 
 def test_sparks_and_bars():
@@ -185,19 +204,19 @@ def wait_for(watcher, what):
 def live_and_go(endpoint, watcher, commands):
     """A controller appears, drives some commands, and goes; the watcher must see all of it."""
     with open_session([], [endpoint]) as session, Publisher(session, "khepera") as publisher:
-        wait_for(watcher, lambda: watcher.watched.alive)
+        wait_for(watcher, lambda: watcher.watched.controlled.alive)
         wait_until_watched(session, *KEYS)
         publisher.frame(a_frame())
         publisher.state(a_state(driven=commands), 0.0)
         for sequence in range(commands):
             publisher.decision(a_decision(sequence))
-        wait_for(watcher, lambda: len(watcher.watched.reinforcements) == commands)
-        wait_for(watcher, lambda: watcher.watched.state is not None)
-        wait_for(watcher, lambda: watcher.watched.frame_bytes > 0)
-        assert watcher.watched.state.driven == commands
-    wait_for(watcher, lambda: not watcher.watched.alive)
-    assert watcher.watched.met
-    assert watcher.watched.decision == a_decision(commands - 1)
+        wait_for(watcher, lambda: len(watcher.watched.controlled.history) == commands)
+        wait_for(watcher, lambda: watcher.watched.controlled.state is not None)
+        wait_for(watcher, lambda: watcher.watched.frame)
+        assert watcher.watched.controlled.state.driven == commands
+    wait_for(watcher, lambda: not watcher.watched.controlled.alive)
+    assert watcher.watched.controlled.met
+    assert watcher.watched.controlled.decision == a_decision(commands - 1)
 
 
 def test_a_watcher_survives_the_controller_going_and_coming_back():
@@ -224,10 +243,10 @@ def test_a_state_that_came_before_the_sign_of_life_is_not_forgotten():
 
         with other.declare_queryable(key, answer):
             other.put(key, text, timestamp=when)
-            wait_for(watcher, lambda: watcher.watched.state is not None)
+            wait_for(watcher, lambda: watcher.watched.controlled.state is not None)
             with other.liveliness().declare_token("macor/khepera/alive"):
-                wait_for(watcher, lambda: watcher.watched.alive)
-                wait_for(watcher, lambda: watcher.watched.state is not None)
+                wait_for(watcher, lambda: watcher.watched.controlled.alive)
+                wait_for(watcher, lambda: watcher.watched.controlled.state is not None)
 
 
 def test_a_payload_of_another_version_is_trouble_but_no_end():

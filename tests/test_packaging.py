@@ -17,9 +17,13 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 PACKAGES = ("protocol", "khepera_emulator", "macor_hil")
 
 NEEDS = {
+    "foxglove_schemas_protobuf": "recording",
     "gymnasium": "gymnasium",
     "joblib": "experiments",
     "matplotlib": "pictures",
+    "mcap": "recording",
+    "mcap_protobuf": "recording",
+    "nicegui": "dashboard",
     "pybullet": "emulator",
     "rosbags": "ros",
     "xxhash": "ros",
@@ -31,7 +35,11 @@ IGNORED = shutil.ignore_patterns("__pycache__")
 MAY_FAIL = {
     "macor_hil.environment": "gymnasium",
     "macor_hil.experiments": "experiments",
+    "macor_hil.monitor.dashboard": "dashboard",
     "macor_hil.ros2": "ros",
+    "macor_hil.telemetry.foxglove": "recording",
+    "macor_hil.telemetry.recorder": "recording",
+    "macor_hil.telemetry.recording": "recording",
     "khepera_emulator.world": "emulator",
     "khepera_emulator.emulator": "emulator",
 }
@@ -119,6 +127,9 @@ def test_the_command_lines_help_without_any_extra(program):
         ("macor_hil.cli", ["look", "--picture", "FILE"], "emulator"),
         ("macor_hil.cli", ["train", "--map", "FILE"], "emulator"),
         ("macor_hil.cli", ["ros2"], "ros"),
+        ("macor_hil.cli", ["dashboard"], "dashboard"),
+        ("macor_hil.cli", ["record", "FILE"], "recording"),
+        ("macor_hil.cli", ["replay", "FILE"], "recording"),
         ("macor_hil.cli", ["reproduce", "figure2"], "experiments"),
     ],
 )

@@ -49,7 +49,7 @@ class ZenohCamera:
     def close(self) -> None:
         """Stop listening; the session's owner closes it."""
         if self._subscriber is not None:
-            self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+            self._subscriber.undeclare()
             self._subscriber = None
 
     def _ask(self) -> zenoh.Sample | None:

@@ -13,7 +13,7 @@ from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from macor_hil.agent import Agent
-from macor_hil.brain import Settings
+from macor_hil.brain import Brain, Settings
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.caretaker import Caretaker
@@ -38,7 +38,7 @@ from macor_hil.demo import DEFAULT_SEED
 from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import MacorError, MapError
 from macor_hil.hardware import Hardware, is_embedded
-from macor_hil.map_file import load_map
+from macor_hil.map_file import load_map, save_map
 from macor_hil.planners import PLANNERS
 from macor_hil.profile import load_profile
 from macor_hil.training import Recovery, Schedule
@@ -209,3 +209,28 @@ def reproduce(
 
         page = runner.reproduce(chosen, seeds, workers, out, watch)
     typer.echo(str(page))
+
+
+@app.command(epilog="[cyan]macor-hil learn runs/drive.mcap --map runs/learned.npz[/cyan]")
+def learn(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
+    map_file: MapOption = DEFAULT_MAP,
+    nodes: Annotated[int, typer.Option(min=1, help="Most situations there can be.")] = 50,
+    vigilance: Annotated[float, typer.Option(min=0.0, max=1.0, help="Fuzzy ART's rho.")] = 0.9,
+) -> None:
+    """Train a map from recordings of drives (see `record`), without a robot."""
+    try:
+        from macor_hil.telemetry.recording import read_recording
+    except ImportError as error:
+        raise MacorError(f"{error.name} is not installed; install the extra 'recording'") from None
+    from macor_hil.learning import learn as take_in
+
+    if map_file.exists():
+        raise MapError(f"the map {map_file} is there already; name another --map")
+    brain = Brain(Settings(nodes=nodes, vigilance=vigilance))
+    driven = take_in(brain, [read_recording(file)[1] for file in files])
+    save_map(map_file, brain, {"recordings": [str(file) for file in files]})
+    typer.echo(
+        f"{map_file}: {brain.art.size} situations, {np.count_nonzero(brain.map.z)} transitions"
+        f" from {driven} commands"
+    )

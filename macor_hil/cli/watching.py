@@ -1,18 +1,29 @@
 """Commands that watch a controller and never touch it."""
 
 import json
-from typing import Annotated
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated, Final
 
 import typer
 
 from macor_hil.cli.options import ConnectOption, RobotOption
-from macor_hil.errors import TelemetryError
+from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.monitor.terminal import watch
 from macor_hil.telemetry.keys import KEYS
 from macor_hil.telemetry.keys_page import keys_page
+from macor_hil.telemetry.session import open_session
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
 app = typer.Typer()
+
+_NOBODY: Final = 1
+
+DurationOption = Annotated[
+    float | None, typer.Option("--for", metavar="SECONDS", min=0.1, help="End after a time.")
+]
 
 
 @app.command(epilog="[cyan]macor-hil keys decision[/cyan]")
@@ -36,7 +47,112 @@ def keys(
 @app.command(epilog="[cyan]macor-hil monitor --connect tcp/127.0.0.1:7448[/cyan]")
 def monitor(
     robot: RobotOption = "khepera",
+    once: Annotated[
+        bool,
+        typer.Option("--once", help="Show a single picture; exit status 1 without a controller."),
+    ] = False,
+    duration: DurationOption = None,
     connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
 ) -> None:
     """Watch a controller in the terminal; a Zenoh subscriber and nothing else."""
-    watch(robot, [], connect)
+    there = watch(robot, [], connect, once, duration)
+    if once and not there:
+        raise typer.Exit(_NOBODY)
+
+
+@app.command(epilog="[cyan]macor-hil record runs/drive.mcap --for 60[/cyan]")
+def record(
+    file: Annotated[Path, typer.Argument(help="MCAP file to write; replaced if it is there.")],
+    robot: RobotOption = "khepera",
+    duration: DurationOption = None,
+    connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
+) -> None:
+    """Record what is told of a robot: pictures, decisions, poses, infrared, the line's bytes.
+
+    Foxglove and other readers of MCAP open the file as it is; so does one of a recorder that was
+    killed.
+    """
+    with _extra("recording"):
+        from macor_hil.telemetry.recorder import record as write
+    with open_session([], connect) as session:
+        samples = write(session, robot, file, duration)
+    typer.echo(f"{file}: {samples} samples")
+
+
+@app.command(epilog="[cyan]macor-hil replay runs/drive.mcap --speed 2[/cyan]")
+def replay(
+    file: Annotated[Path, typer.Argument(help="A recording of `record`.")],
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=1000.0, help="Time runs so many times faster.")
+    ] = 1.0,
+    robot: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Another name than the recorded robot's.")
+    ] = None,
+    listen: Annotated[
+        list[str], typer.Option(metavar="ENDPOINT", help="Where watchers find it.")
+    ] = [CONTROLLER_ENDPOINT],  # noqa: B006
+) -> None:
+    """Publish a recording again, with its times: every monitor works on it."""
+    with _extra("recording"):
+        from macor_hil.telemetry.recording import read_recording
+    from macor_hil.telemetry.replay import Stage
+    from macor_hil.telemetry.replay import replay as play
+
+    name, events = read_recording(file)
+    with open_session(listen, []) as session, Stage(session, robot or name) as stage:
+        play(events, stage, speed)
+    typer.echo(f"{file}: {len(events)} events of {name}")
+
+
+@app.command(
+    epilog="[cyan]macor-hil dashboard[/cyan]\n\n[cyan]macor-hil dashboard runs/drive.mcap[/cyan]"
+)
+def dashboard(
+    file: Annotated[
+        Path | None, typer.Argument(help="A recording to scrub through; without it: live.")
+    ] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="TCP port of the page.")] = 8080,
+    robot: RobotOption = "khepera",
+    connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
+) -> None:
+    """Watch a robot in the browser: camera, arena, plans, activities, reinforcement, the line.
+
+    The page is served to this machine only. Keys: space pauses; in a recording the arrows, Home
+    and End move.
+    """
+    with _extra("dashboard"):
+        from macor_hil.monitor.dashboard.app import serve
+    from macor_hil.monitor.dashboard.sources import Live, Player
+    from macor_hil.monitor.watcher import Watcher
+
+    with ExitStack() as stack:
+        source: Live | Player
+        if file is None:
+            session = stack.enter_context(open_session([], connect))
+            source = Live(stack.enter_context(Watcher(session, robot, camera=True)))
+        else:
+            with _extra("recording"):
+                from macor_hil.telemetry.recording import read_recording
+            source = Player(*read_recording(file))
+        _check_free(port)
+        serve(source, port, lambda: typer.echo(f"http://127.0.0.1:{port}"))
+
+
+def _check_free(port: int) -> None:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise MacorError(
+                f"cannot serve on port {port}: {error.strerror}; give another --port"
+            ) from None
+
+
+@contextmanager
+def _extra(name: str) -> Iterator[None]:
+    """What is imported here comes with an extra."""
+    try:
+        yield
+    except ImportError as error:
+        raise MacorError(f"{error.name} is not installed; install the extra {name!r}") from None

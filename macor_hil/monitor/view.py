@@ -8,8 +8,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from macor_hil.monitor.watched import Arrivals, Watched
-from macor_hil.telemetry.schemas import Alternative, Decision, Phase, State
+from macor_hil.monitor.watched import Arrivals, Controlled, Emulated, Watched
+from macor_hil.telemetry.schemas import Alternative, Decision, Link, Phase, State
 from protocol.commands import SENSORS
 
 _BAR_WIDTH: Final = 32
@@ -37,20 +37,26 @@ def render(watched: Watched, now: float) -> RenderableType:
         watched: what is known.
         now: the time that ages are counted to, in seconds of the clock of the arrivals.
     """
-    rows = Table.grid(padding=(0, 1))
-    rows.add_column(style="dim", no_wrap=True, width=13)
-    rows.add_column(no_wrap=True, overflow="ellipsis")
-    rows.add_row("controller", _status(watched))
-    if watched.state:
-        _add_state(rows, watched.state)
-    rows.add_row("frames", _stream(watched.frames, now, f"{watched.frame_bytes / 1000:.1f} kB"))
-    rows.add_row("decisions", _stream(watched.decisions, now, f"{watched.missed} missed"))
-    if watched.decision:
-        _add_decision(rows, watched.decision, list(watched.reinforcements))
+    rows = Table.grid(padding=(0, 1), expand=True)
+    rows.add_column(style="dim", no_wrap=True, min_width=13, max_width=13)
+    rows.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+    seen = watched.controlled
+    rows.add_row("controller", _status(seen))
+    if seen.state:
+        _add_state(rows, seen.state)
+    rows.add_row("frames", _stream(watched.frames, now, f"{len(watched.frame) / 1000:.1f} kB"))
+    rows.add_row("decisions", _stream(seen.decisions, now, f"{seen.missed} missed"))
+    if seen.link:
+        rows.add_row("link", _link(seen.link))
+    if seen.decision:
+        _add_decision(rows, seen.decision, [past.reinforcement for past in seen.history])
+        rows.add_row("wheels", _wheels(seen.decision, watched.emulated))
+        if seen.decision.collided:
+            rows.add_row("", Text("COLLISION", style="bold red"))
     if watched.trouble:
         rows.add_row("trouble", Text(_clean(watched.trouble), style="red"))
     title = f"macor-hil monitor · {_clean(watched.robot)}"
-    return Panel(rows, title=Text(title), border_style="green" if watched.alive else "dim")
+    return Panel(rows, title=Text(title), border_style="green" if seen.alive else "dim")
 
 
 def spark(values: list[float], width: int = 40) -> str:
@@ -67,7 +73,7 @@ def bar(share: float, width: int = _BAR_WIDTH) -> str:
     return ("█" * full + (_EIGHTHS[rest] if rest else "")).ljust(width)
 
 
-def _status(watched: Watched) -> Text:
+def _status(watched: Controlled) -> Text:
     if not watched.alive:
         return Text(f"waiting for a controller...{_farewell(watched)}", style="yellow")
     if watched.state is None:
@@ -80,7 +86,7 @@ def _status(watched: Watched) -> Text:
     return text
 
 
-def _farewell(watched: Watched) -> str:
+def _farewell(watched: Controlled) -> str:
     """How the controller that has gone ended, as far as it said."""
     state = watched.state
     if not watched.met or state is None:
@@ -104,9 +110,24 @@ def _stream(arrivals: Arrivals, now: float, extra: str) -> Text:
     return Text(f"{often}  {extra}  last one {age:.1f} s ago")
 
 
+def _link(link: Link) -> Text:
+    text = Text(f"{link.exchanges} exchanges, {1e3 * link.mean:.1f} ms mean, ")
+    text.append(f"{1e3 * link.worst:.1f} ms worst, ")
+    text.append(f"{link.failures} failed", style="red" if link.failures else "")
+    return text
+
+
+def _wheels(decision: Decision, emulated: Emulated) -> str:
+    left, right = decision.odometry.counters
+    text = f"counters {left} {right}"
+    if emulated.alive and emulated.truth:
+        speeds = [round(1000 * speed) for speed in emulated.truth.speed]
+        text += f"  speeds {speeds[0]} and {speeds[1]} mm/s"
+    return text
+
+
 def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) -> None:
     seen = decision.situation
-    rows.add_row("", "")
     resonance = (
         Text("resonates", style="green")
         if seen.resonant
@@ -124,14 +145,11 @@ def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) 
     total.append(spark(reinforcements, 40), style="green")
     rows.add_row("reinforcement", total)
     rows.add_row("infrared", _infrared(decision.infrared))
-    pose, counters = decision.odometry.pose, decision.odometry.counters
+    pose = decision.odometry.pose
     rows.add_row(
         "odometry",
-        f"x {pose.x:+.3f} m  y {pose.y:+.3f} m  heading {degrees(pose.heading):+.0f}°"
-        f"  counters {counters[0]} {counters[1]}",
+        f"x {pose.x:+.3f} m  y {pose.y:+.3f} m  heading {degrees(pose.heading):+.0f}°",
     )
-    if decision.collided:
-        rows.add_row("", Text("COLLISION", style="bold red"))
 
 
 def _add_alternatives(rows: Table, decision: Decision) -> None:

@@ -1,15 +1,36 @@
-"""What a watcher knows of a controller: gathered from its samples, without Zenoh or terminal."""
+"""What a watcher knows of a robot: gathered from events, without Zenoh, terminal or browser."""
 
 from collections import deque
 from dataclasses import dataclass, field
+from math import hypot
+from typing import Final
 
-from macor_hil.telemetry.schemas import Decision, State
+from pydantic import ValidationError
 
-_RATE_OVER = 12
+from macor_hil.telemetry.feed import CAMERA, Arrival, Event, Presence
+from macor_hil.telemetry.keys import FRAME, KEYS
+from macor_hil.telemetry.schemas import Decision, Learned, Link, State
+from protocol.keys import EMULATOR
+from protocol.side_channel import Outline, Payload, Pose, Truth, Wire, WireEntry
+
+_RATE_OVER: Final = 12
 """Samples that a rate is taken over."""
 
-_HISTORY = 60
-"""Reinforcements kept for the curve."""
+_HISTORY: Final = 2000
+"""Decisions kept for curves and paths."""
+
+_WIRE_HISTORY: Final = 200
+"""Entries of the wire log kept."""
+
+_STEP: Final = 0.002
+"""Metres that the robot moves before its path gets another point."""
+
+_JUMP: Final = 0.05
+"""Metres between two truths beyond which the robot was put there."""
+
+_PAYLOADS: Final = {(key.side, key.leaf): key.payload for key in KEYS if key.payload}
+
+_NS: Final = 1e-9
 
 
 class Arrivals:
@@ -35,46 +56,160 @@ class Arrivals:
 
 
 @dataclass
-class Watched:
-    """One controller, as seen from outside; for another one, begin another.
+class Emulated:
+    """The emulator's side, as seen from outside.
 
     Attributes:
-        robot: the robot's name in the keys.
-        alive: whether a controller is there.
-        met: whether it was ever there.
-        state, decision: the latest ones.
-        reinforcements: of the decisions seen, oldest first.
-        missed: decisions that were made and did not arrive.
-        decisions, frames: arrivals.
-        frame_bytes: size of the last frame.
-        trouble: what could not be read, empty when all could.
+        alive: whether an emulator is there.
+        outline: its arena.
+        truth: where the robot is.
+        path: where it was, oldest first, since it was put there.
+        truths: times of its clock and poses, of late.
+        wire: the latest entries of its serial line.
+        wire_bytes: bytes that have passed since watching began.
     """
 
-    robot: str
+    alive: bool = False
+    outline: Outline | None = None
+    truth: Truth | None = None
+    path: list[Pose] = field(default_factory=list)
+    truths: deque[tuple[float, Pose]] = field(default_factory=lambda: deque(maxlen=600))
+    wire: deque[WireEntry] = field(default_factory=lambda: deque(maxlen=_WIRE_HISTORY))
+    wire_bytes: int = 0
+
+    def place(self, truth: Truth) -> None:
+        """The robot is somewhere."""
+        self.truth = truth
+        self.truths.append((truth.time, truth.pose))
+        way = _distance(self.path[-1], truth.pose) if self.path else 0.0
+        if way > _JUMP:
+            self.path.clear()
+        if not self.path or way >= _STEP:
+            self.path.append(truth.pose)
+
+    def pose_at(self, time: float) -> Pose | None:
+        """Where the robot was at a time of its clock; None if that is not known."""
+        if not self.truths:
+            return None
+        when, pose = min(self.truths, key=lambda known: abs(known[0] - time))
+        return pose if abs(when - time) < 0.5 else None
+
+    def pass_by(self, wire: Wire) -> None:
+        """Something has passed on the line."""
+        self.wire.extend(wire.entries)
+        self.wire_bytes += sum(
+            len(entry.text) for entry in wire.entries if entry.what in ("request", "reply")
+        )
+
+
+@dataclass
+class Controlled:
+    """The controller's side, as seen from outside; for another controller, begin another.
+
+    Attributes:
+        alive: whether a controller is there.
+        met: whether it was ever there.
+        state, decision, learned, link: the latest ones.
+        history: decisions of the run, as far as they were seen, oldest first.
+        missed: decisions that were made and did not arrive.
+        decisions: arrivals.
+    """
+
     alive: bool = False
     met: bool = False
     state: State | None = None
     decision: Decision | None = None
-    reinforcements: deque[float] = field(default_factory=lambda: deque(maxlen=_HISTORY))
+    learned: Learned | None = None
+    link: Link | None = None
+    history: deque[Decision] = field(default_factory=lambda: deque(maxlen=_HISTORY))
     missed: int = 0
     decisions: Arrivals = field(default_factory=Arrivals)
-    frames: Arrivals = field(default_factory=Arrivals)
-    frame_bytes: int = 0
-    trouble: str = ""
 
     def decide(self, decision: Decision, now: float | None) -> None:
         """A decision has arrived, now or, where that is None, some time ago."""
         last = self.decision
         if last is None or decision.sequence <= last.sequence:
-            self.reinforcements.clear()  # a run begins, or watching does
+            self.history.clear()  # a run begins, or watching does
         else:
             self.missed += decision.sequence - last.sequence - 1
         self.decision = decision
-        self.reinforcements.append(decision.reinforcement)
+        self.history.append(decision)
         if now is not None:
             self.decisions.add(now)
 
-    def see(self, size: int, now: float) -> None:
-        """A frame of so many bytes has arrived."""
-        self.frame_bytes = size
+
+@dataclass
+class Watched:
+    """One robot, as seen from outside.
+
+    Attributes:
+        robot: its name in the keys.
+        controlled, emulated: what is known of either side, the one that is there or was last.
+        frame: the latest picture, JPEG or PNG; the emulator's where no controller tells one.
+        frames: arrivals of pictures.
+        trouble: what could not be read, empty when all could.
+        version: counts what came.
+    """
+
+    robot: str
+    controlled: Controlled = field(default_factory=Controlled)
+    emulated: Emulated = field(default_factory=Emulated)
+    frame: bytes = b""
+    frames: Arrivals = field(default_factory=Arrivals)
+    trouble: str = ""
+    version: int = 0
+
+    def take(self, event: Event) -> None:
+        """Take in an event; what cannot be read is trouble, and no more."""
+        self.version += 1
+        if isinstance(event, Presence):
+            self._meet(event.side, alive=event.alive)
+            return
+        try:
+            self._note(event)
+        except ValidationError as error:
+            reason = error.errors()[0]["msg"]
+            self.trouble = f"{event.leaf} of another version of macor-hil? {reason}"
+
+    def see(self, picture: bytes, now: float) -> None:
+        """A picture has arrived."""
+        self.frame = picture
         self.frames.add(now)
+
+    def _meet(self, side: str, *, alive: bool) -> None:
+        if side == EMULATOR:
+            if alive:
+                self.emulated = Emulated()
+            self.emulated.alive = alive
+        else:
+            if alive:
+                self.controlled, self.trouble = Controlled(met=True), ""
+            self.controlled.alive = alive
+
+    def _note(self, arrival: Arrival) -> None:
+        now = arrival.received * _NS
+        if arrival.leaf == FRAME or (arrival.leaf == CAMERA and not self.controlled.alive):
+            self.see(arrival.data, now)
+        elif kind := _PAYLOADS.get((arrival.side, arrival.leaf)):
+            self._read(kind.model_validate_json(arrival.data), now if arrival.live else None)
+
+    def _read(self, payload: Payload, now: float | None) -> None:
+        match payload:
+            case Decision():
+                self.controlled.decide(payload, now)
+            case State():
+                self.controlled.state = payload
+            case Learned():
+                self.controlled.learned = payload
+            case Link():
+                self.controlled.link = payload
+            case Truth():
+                self.emulated.place(payload)
+            case Outline():
+                self.emulated.outline = payload
+            case Wire():
+                self.emulated.pass_by(payload)
+
+
+def _distance(a: Pose, b: Pose) -> float:
+    return hypot(a.x - b.x, a.y - b.y)

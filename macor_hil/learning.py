@@ -1,0 +1,88 @@
+"""Learning from recordings: what a robot saw and did, taken in as if it happened now."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from macor_hil.brain import FIRST_COMMAND, Brain
+from macor_hil.drive import COMMANDS
+from macor_hil.errors import RecordingError
+from macor_hil.telemetry.feed import Arrival, Event
+from macor_hil.telemetry.keys import DECISION, FRAME
+from macor_hil.telemetry.schemas import Decision
+from macor_hil.vision.receptive_fields import Features
+
+_SAME_TIME = 1e-6
+"""Seconds by which the stamp of a frame may differ from the time that a decision names."""
+
+
+class Moment(NamedTuple):
+    """A view and what led to it.
+
+    Attributes:
+        raw: untuned features of the frame.
+        command: index of the command that led to it; None where a drive began.
+        reinforcement: what that command earned.
+    """
+
+    raw: Features
+    command: int | None
+    reinforcement: float
+
+
+def learn(brain: Brain, recordings: Iterable[Sequence[Event]]) -> int:
+    """Tune a brain's receptive fields to what was seen, then learn what followed what.
+
+    Args:
+        brain: a new one; changed in place.
+        recordings: events of recorded drives.
+
+    Returns:
+        How many commands were learned from.
+
+    Raises:
+        RecordingError: there is no decision with its frames among the events.
+        CameraError: the frames do not fit the mirror of the brain's settings.
+    """
+    drives = [list(_moments(brain, events)) for events in recordings]
+    driven = sum(moment.command is not None for drive in drives for moment in drive)
+    if not driven:
+        raise RecordingError("there is no decision with the frames before and after it")
+    brain.fields = brain.fields.tuned_to(
+        np.array([moment.raw for drive in drives for moment in drive])
+    )
+    for drive in drives:
+        before = None
+        for moment in drive:
+            node = brain.recognise(moment.raw, learn=True).node
+            command = FIRST_COMMAND if moment.command is None else moment.command
+            neuron = brain.map.neuron(node, command)
+            if before is not None and moment.command is not None:
+                brain.map.learn(before, neuron, moment.reinforcement)
+            before = neuron
+    return driven
+
+
+def _moments(brain: Brain, events: Sequence[Event]) -> Iterator[Moment]:
+    """Frames in the order in which they were seen, with the decision between each two."""
+    names = [command.name for command in COMMANDS]
+    last: float | None = None
+    seen: list[tuple[float, Features]] = []
+    for event in events:
+        if not isinstance(event, Arrival):
+            continue
+        if event.leaf == FRAME and event.stamp:
+            image = cv2.imdecode(np.frombuffer(event.data, np.uint8), cv2.IMREAD_COLOR)
+            if image is not None:
+                seen.append((event.stamp.time, brain.look(np.asarray(image, dtype=np.uint8))))
+        elif event.leaf == DECISION:
+            decision = Decision.model_validate_json(event.data)
+            # the frame after a command was taken before its decision is told
+            if len(seen) < 2 or abs(seen[-2][0] - decision.frame_time) > _SAME_TIME:
+                continue  # a frame did not arrive
+            if seen[-2][0] != last:
+                yield Moment(seen[-2][1], None, 0.0)
+            yield Moment(seen[-1][1], names.index(decision.command), decision.reinforcement)
+            last = seen[-1][0]

@@ -1,0 +1,101 @@
+"""What the dashboard says in words; names and reasons come from elsewhere and stay plain text."""
+
+from typing import Final
+
+from macor_hil.monitor.watched import Arrivals, Watched
+from macor_hil.telemetry.schemas import Phase
+
+_LINES: Final = 12
+
+
+def status(watched: Watched) -> tuple[str, str]:
+    """What is going on, and a colour for it."""
+    seen = watched.controlled
+    if not seen.alive:
+        if not watched.emulated.alive:
+            return "waiting for a robot", "grey"
+        return "robot there, nobody drives it", "cyan"
+    if seen.state is None:
+        return "controller there, nothing said yet", "amber"
+    state = seen.state
+    colours = {Phase.DRIVING: "green", Phase.STOPPED: "cyan", Phase.FAILED: "red"}
+    text = f"{state.phase.value}, {state.driven} of {state.limit} commands"
+    return text + (f": {state.reason}" if state.reason else ""), colours.get(state.phase, "amber")
+
+
+def equipment(watched: Watched) -> str:
+    """Who drives what."""
+    state = watched.controlled.state
+    if state is None:
+        return ""
+    return f"{state.planner} planner · map {state.map} · {state.port} · camera {state.camera}"
+
+
+def situation(watched: Watched) -> str:
+    """What the robot takes its view for."""
+    decision = watched.controlled.decision
+    if decision is None:
+        return "no decision yet"
+    seen = decision.situation
+    known = "resonates" if seen.resonant else "unknown, the nearest one"
+    end = " · COLLISION" if decision.collided else ""
+    return (
+        f"command {decision.sequence}: situation {seen.node}, match {seen.match:.3f}, {known} ·"
+        f" {len(decision.hypotheses)} sequences in {decision.steps} steps{end}"
+    )
+
+
+def totals(watched: Watched) -> str:
+    """What was earned."""
+    decision = watched.controlled.decision
+    if decision is None:
+        return ""
+    return f"last {decision.reinforcement:.2f} · total {decision.total_reinforcement:.2f}"
+
+
+def health(watched: Watched, now: float) -> list[tuple[str, str]]:
+    """Names and values of what tells how line, camera and telemetry do."""
+    seen, truth, link = watched.controlled, watched.emulated.truth, watched.controlled.link
+    rows = [
+        ("pictures", _stream(watched.frames, now)),
+        ("decisions", f"{_stream(seen.decisions, now)}, {seen.missed} missed"),
+    ]
+    if link:
+        rows.append(
+            (
+                "exchanges",
+                f"{link.exchanges}, {link.failures} failed, {1e3 * link.mean:.1f} ms mean,"
+                f" {1e3 * link.worst:.1f} ms worst",
+            )
+        )
+    if truth:
+        left, right = (round(1000 * speed) for speed in truth.speed)
+        rows.append(("wheels", f"left {left} mm/s, right {right} mm/s"))
+        pose = truth.pose
+        rows.append(("robot at", f"x {pose.x:+.3f} m, y {pose.y:+.3f} m"))
+    if watched.trouble:
+        rows.append(("trouble", watched.trouble))
+    return rows
+
+
+def wire(watched: Watched) -> str:
+    """The latest lines that passed on the serial line."""
+    lines: list[tuple[str, str]] = []
+    for entry in watched.emulated.wire:
+        if lines and lines[-1][0] == entry.what and not lines[-1][1].endswith("\n"):
+            lines[-1] = entry.what, lines[-1][1] + entry.text
+        else:
+            lines.append((entry.what, entry.text))
+    marks = {"request": ">", "reply": "<"}
+    return "\n".join(
+        f"{marks.get(what, what)} {text.rstrip().encode('unicode_escape').decode()}"
+        for what, text in lines[-_LINES:]
+    )
+
+
+def _stream(arrivals: Arrivals, now: float) -> str:
+    age, rate = arrivals.age(now), arrivals.rate
+    if age is None:
+        return "none yet"
+    often = "" if rate is None else f"{rate:.1f}/s, "
+    return f"{often}last one {max(age, 0.0):.1f} s ago"

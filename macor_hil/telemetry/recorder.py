@@ -1,0 +1,42 @@
+"""`macor-hil record`: a subscriber that writes down what it hears."""
+
+import time
+from math import inf
+from pathlib import Path
+
+import zenoh
+
+from macor_hil.telemetry.feed import Feed
+from macor_hil.telemetry.recording import Recorder
+
+_LOOK: float = 0.2
+"""Seconds after which an idle recorder looks at the clock."""
+
+
+def record(session: zenoh.Session, robot: str, path: Path, duration: float | None = None) -> int:
+    """Record a robot until Ctrl-C; it may come, go and come again.
+
+    Args:
+        session: an open session.
+        robot: the robot's name in the keys.
+        path: the file, replaced if it is there.
+        duration: seconds after which to end; None: never.
+
+    Returns:
+        How many samples were recorded.
+
+    Raises:
+        TelemetryError: the name cannot be part of a key.
+        RecordingError: the file cannot be written, or the disk is full. What was recorded before
+            can be read.
+    """
+    end = inf if duration is None else time.monotonic() + duration
+    with Recorder(path, robot) as recorder, Feed(session, robot, camera=True) as feed:
+        try:
+            while (left := end - time.monotonic()) > 0.0:
+                event = feed.get(min(left, _LOOK))
+                if event is not None:
+                    recorder.write(event)
+        except KeyboardInterrupt:
+            pass  # the way to end it
+        return recorder.samples

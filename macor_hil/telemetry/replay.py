@@ -1,0 +1,142 @@
+"""Publishes a recording again, under its own keys and with its own times.
+
+Whoever watches sees emulator and controller appear, drive and go as they did; queries get what was
+the latest at that moment.
+"""
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import Final, Self
+
+import zenoh
+
+from macor_hil.telemetry.feed import Arrival, Event, Presence
+from macor_hil.telemetry.keys import ALIVE, KEYS
+from macor_hil.telemetry.session import check_robot_name
+from protocol.keys import CONTROLLER, DESCRIBE, EMULATOR, SCHEMA_MEDIA_TYPE
+
+_NS: Final = 1e-9
+
+
+def replay(
+    events: Sequence[Event],
+    stage: "Stage",
+    speed: float = 1.0,
+    *,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> None:
+    """Publish events at the distances that they have.
+
+    Args:
+        events: what was recorded, in its order.
+        stage: where to.
+        speed: how many times faster.
+        clock: seconds.
+        sleep: waits for so many of them.
+    """
+    begin, first = clock(), events[0].received
+    for event in events:
+        due = begin + (event.received - first) * _NS / speed
+        if (left := due - clock()) > 0.0:
+            sleep(left)
+        stage.show(event)
+
+
+class Stage:
+    """Publishes events as those whom they came from did; use as a context.
+
+    Args:
+        session: an open session, which stays its owner's.
+        robot: the robot's name in the keys.
+
+    Raises:
+        TelemetryError: the name cannot be part of a key.
+    """
+
+    def __init__(self, session: zenoh.Session, robot: str) -> None:
+        check_robot_name(robot)
+        self._session = session
+        self._robot = robot
+        self._tokens: dict[str, zenoh.LivelinessToken] = {}
+        # replaced as a whole, for the library's thread that answers the queries
+        self._latest: dict[str, tuple[Arrival, zenoh.Timestamp]] = {}
+        with ExitStack() as stack:
+            for side in (EMULATOR, CONTROLLER):
+                queryable = session.declare_queryable(f"{side}/{robot}/*", self._answer)
+                stack.enter_context(queryable)
+            stack.callback(self._go)
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def show(self, event: Event) -> None:
+        """Let an event happen now."""
+        if isinstance(event, Presence):
+            self._appear(event)
+            return
+        key = f"{event.side}/{self._robot}/{event.leaf}"
+        timestamp = self._session.new_timestamp()
+        self._latest = {**self._latest, key: (event, timestamp)}
+        self._session.put(
+            key,
+            event.data,
+            encoding=zenoh.Encoding(event.encoding),
+            attachment=_attachment(event),
+            timestamp=timestamp,
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
+
+    def _appear(self, presence: Presence) -> None:
+        token = self._tokens.pop(presence.side, None)
+        if token is not None:
+            token.undeclare()
+        if presence.alive:
+            self._latest = {
+                key: known
+                for key, known in self._latest.items()
+                if not key.startswith(f"{presence.side}/")
+            }
+            self._tokens[presence.side] = self._session.liveliness().declare_token(
+                f"{presence.side}/{self._robot}/{ALIVE}"
+            )
+
+    def _go(self) -> None:
+        for token in self._tokens.values():
+            token.undeclare()
+        self._tokens.clear()
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query:
+            key = str(query.key_expr)
+            if DESCRIBE in query.parameters:
+                self._describe(query, key)
+            elif key in self._latest:
+                arrival, timestamp = self._latest[key]
+                query.reply(
+                    key,
+                    arrival.data,
+                    encoding=zenoh.Encoding(arrival.encoding),
+                    attachment=_attachment(arrival),
+                    timestamp=timestamp,
+                )
+            else:
+                query.reply_err("nothing yet", encoding=zenoh.Encoding.TEXT_PLAIN)
+
+    def _describe(self, query: zenoh.Query, key: str) -> None:
+        side, _, leaf = key.split("/")
+        for each in KEYS:
+            if (each.side, each.leaf) == (side, leaf) and each.payload:
+                schema = json.dumps(each.payload.model_json_schema())
+                query.reply(key, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
+                return
+
+
+def _attachment(arrival: Arrival) -> str | None:
+    return arrival.stamp.model_dump_json() if arrival.stamp else None

@@ -1,0 +1,187 @@
+"""The dashboard in a real browser; skipped where there is no Chromium with its driver."""
+
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+from controller_helpers import free_endpoint, wait_until_watched
+from watching_helpers import a_life
+
+from macor_hil.telemetry.replay import Stage
+from macor_hil.telemetry.session import open_session
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+DRIVER = shutil.which("chromedriver")
+PATIENCE = 60.0
+
+pytestmark = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason="no Chromium with chromedriver on this machine"
+)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    service = webdriver.ChromeService(executable_path=DRIVER)
+    with webdriver.Chrome(options=options, service=service) as driver:
+        driver.implicitly_wait(0)
+        yield driver
+
+
+@contextmanager
+def dashboard(*arguments):
+    """A dashboard process; gives its address."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-u", "-m", "macor_hil.cli", "dashboard", "--port", str(port)]
+    # NiceGUI serves its own tests when it finds itself in pytest
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
+    with subprocess.Popen(
+        [*command, *arguments], stdout=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        try:
+            address = process.stdout.readline().strip()
+            assert address == f"http://127.0.0.1:{port}"
+            yield address
+        finally:
+            process.terminate()
+            assert process.wait(PATIENCE) == 0
+
+
+def visit(browser, address):
+    """Open a page as soon as it is served."""
+    from selenium.common.exceptions import WebDriverException
+
+    def opened(driver):
+        try:
+            driver.get(address)
+        except WebDriverException:
+            return False
+        return True
+
+    until(browser, opened)
+
+
+def until(browser, condition):
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    return WebDriverWait(browser, PATIENCE, poll_frequency=0.1).until(condition)
+
+
+def says(text):
+    def found(driver):
+        return text in driver.execute_script("return document.body ? document.body.innerText : ''")
+
+    return found
+
+
+def count(driver, selector):
+    return driver.execute_script("return document.querySelectorAll(arguments[0]).length", selector)
+
+
+def test_a_robot_appears_drives_goes_and_comes_again(browser):
+    endpoint = free_endpoint()
+    life = a_life()
+    with (
+        open_session([endpoint], []) as session,
+        dashboard("--connect", endpoint) as address,
+    ):
+        visit(browser, address)
+        until(browser, says("waiting for a robot"))
+        wait_until_watched(session, "macor/khepera/decision", "khepera/khepera/truth")
+        for _ in range(2):
+            with Stage(session, "khepera") as stage:
+                stage.show(life[0])
+                until(browser, says("robot there, nobody drives it"))
+                for event in life[1:-2]:
+                    stage.show(event)
+                until(browser, says("driving, 3 of 40 commands"))
+                until(browser, says("command 2: situation 17"))
+                until(browser, lambda driver: count(driver, ".arena [data-kind=best]") == 1)
+                assert count(browser, ".arena [data-kind=hypothesis]") == 1
+                assert count(browser, "[data-kind=neuron]") == 150
+                assert count(browser, "[data-kind=field]") == 12
+                assert count(browser, "[data-kind=reward]") == 3
+                assert count(browser, "[data-kind=sensor]") == 8
+                until(browser, says("> H"))
+            until(browser, says("waiting for a robot"))
+        errors = [each for each in browser.get_log("browser") if each["level"] == "SEVERE"]
+    assert [each for each in errors if "favicon" not in each["message"]] == []
+    assert hosts(browser) == {"127.0.0.1"}
+
+
+def hosts(browser):
+    """Where the page asked for anything."""
+    log = "".join(each["message"] for each in browser.get_log("performance"))
+    return set(re.findall(r'"url":"(?:https?|wss?)://([^:/"]+)', log))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    from macor_hil.telemetry.recording import Recorder
+
+    path = tmp_path_factory.mktemp("recording") / "drive.mcap"
+    with Recorder(path, "khepera") as recorder:
+        for event in a_life(60):
+            recorder.write(event)
+    return path
+
+
+def test_a_recording_is_scrubbed_by_keyboard(browser, recording):
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    def press(key):
+        ActionChains(browser).send_keys(key).perform()
+
+    with dashboard(str(recording)) as address:
+        visit(browser, address)
+        until(browser, says("of 40 commands"))
+        press(Keys.SPACE)
+        until(browser, lambda driver: "PLAY" in text_of_button(driver).upper())
+        press(Keys.HOME)
+        until(browser, says("0.0 / 61.0 s"))
+        for _ in range(3):
+            press(Keys.ARROW_RIGHT)
+        until(browser, says("3.0 / 61.0 s"))
+        until(browser, says("command 1: situation 17"))
+        press(Keys.ARROW_LEFT)
+        until(browser, says("2.0 / 61.0 s"))
+        until(browser, says("command 0: situation 17"))
+        press(Keys.END)
+        until(browser, says("61.0 / 61.0 s"))
+        until(browser, says("waiting for a robot"))
+
+
+def text_of_button(driver):
+    return driver.execute_script("return document.querySelector('button').innerText")
+
+
+@pytest.mark.parametrize("width", [360, 1500])
+def test_nothing_is_wider_than_the_screen(browser, recording, width):
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False},
+    )
+    with dashboard(str(recording)) as address:
+        visit(browser, address)
+        until(browser, says("situation 17"))
+        wide = browser.execute_script("return document.documentElement.scrollWidth")
+        cards = browser.execute_script(
+            "return [...document.querySelectorAll('.card')].map(c => c.getBoundingClientRect().top)"
+        )
+    assert wide <= width
+    # one below the other on a narrow screen, side by side on a wide one
+    assert (len(set(cards)) == len(cards)) == (width == 360)

@@ -1,0 +1,221 @@
+"""The dashboard's drawings and words, and scrubbing through a recording; no browser here."""
+
+import xml.etree.ElementTree as ElementTree
+from math import radians
+
+import pytest
+from controller_helpers import a_decision, a_state
+from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
+
+from macor_hil.monitor.dashboard import arena, charts, eyes, texts
+from macor_hil.monitor.dashboard.sources import Player
+from macor_hil.monitor.watched import Controlled, Emulated, Watched
+from macor_hil.telemetry.examples import EXAMPLES
+from macor_hil.telemetry.schemas import Phase
+from protocol.side_channel import Outline, Pose, WireEntry
+
+
+def parsed(svg):
+    return ElementTree.fromstring(svg)
+
+
+def of_kind(svg, kind):
+    return [each for each in parsed(svg).iter() if each.get("data-kind") == kind]
+
+
+def a_watched(**changes):
+    watched = Watched("khepera", Controlled(alive=True, met=True, state=a_state()))
+    watched.controlled.learned = learned()
+    watched.emulated = Emulated(alive=True, outline=EXAMPLES[Outline])
+    watched.emulated.place(truth(0.5, 0.1))
+    watched.controlled.decide(a_decision(**changes), 1.0)
+    watched.see(a_picture(), 1.0)
+    return watched
+
+
+DRAWINGS = {
+    "arena": arena.arena,
+    "mirror": eyes.mirror,
+    "panorama": eyes.panorama,
+    "columns": lambda w: charts.columns(w.controlled.decision, w.controlled.learned),
+    "alternatives": lambda w: charts.alternatives(w.controlled.decision),
+    "reinforcement": lambda w: charts.reinforcement(list(w.controlled.history)),
+    "infrared": lambda w: charts.infrared(
+        w.controlled.decision.infrared if w.controlled.decision else None
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_every_drawing_is_well_formed_and_titled_whatever_is_known(name):
+    for watched in (Watched("khepera"), a_watched()):
+        root = parsed(DRAWINGS[name](watched))
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        assert root.find("{http://www.w3.org/2000/svg}title").text
+    # at any moment of a life
+    watched = Watched("khepera")
+    for event in a_life():
+        watched.take(event)
+        parsed(DRAWINGS[name](watched))
+
+
+def test_the_arena_shows_all_sequences_and_marks_the_best():
+    weighed = [hypothesis(4.0, "straight", "left"), hypothesis(2.0, "left"), hypothesis(1.0, "x")]
+    svg = arena.arena(a_watched(hypotheses=weighed, frame_time=0.5))
+    assert len(of_kind(svg, "hypothesis")) == 2
+    (best,) = of_kind(svg, "best")
+    assert best.get("data-value") == "4"
+    assert len(of_kind(best_text(best), "best-step")) == 2
+    assert "3 hypothetical sequences" in svg
+    assert len(of_kind(svg, "robot")) == 2  # in the close-up and in the whole arena
+
+
+def best_text(element):
+    return ElementTree.tostring(element, encoding="unicode")
+
+
+def test_a_sequence_leads_along_the_arcs_of_its_commands():
+    ahead = hypothesis(1.0, "straight", "left", "right").ahead
+    commands = {command.name: command for command in learned().commands}
+    way = arena.way_of(Pose(x=1.0, y=2.0, heading=0.0), ahead, commands)
+    assert way[1] == pytest.approx((1.021, 2.0))
+    # 21 mm on an arc of 12 degrees: 6 degrees to the left, chord 0.2 % shorter
+    assert way[2] == pytest.approx((1.021 + 0.020847, 2.0 + 0.002191), abs=1e-5)
+    assert way[3] == pytest.approx((way[2][0] + 0.020847, way[2][1] + 0.002191), abs=1e-5)
+    turned = arena.way_of(Pose(x=0.0, y=0.0, heading=radians(90)), ahead[:1], commands)
+    assert turned[1] == pytest.approx((0.0, 0.021))
+
+
+def test_sequences_begin_where_the_robot_was_when_it_decided():
+    watched = a_watched(frame_time=0.5)
+    watched.emulated.place(truth(1.5, 0.121))
+    (_, way), *_ = arena.hypothetical_ways(watched)
+    assert way[0] == (0.1, 0.0)
+
+
+def test_without_an_emulator_the_odometry_is_drawn():
+    watched = Watched("khepera", Controlled(learned=learned()))
+    for k in range(3):
+        watched.controlled.decide(a_decision(k), None)
+    path = arena.driven_path(watched)
+    assert (path[0].x, len(path)) == (0.0, 4)
+    (_, way), *_ = arena.hypothetical_ways(watched)
+    assert way[0] == (path[-2].x, path[-2].y)
+    assert of_kind(arena.arena(watched), "best")
+
+
+def test_receptive_fields_are_drawn_with_what_they_see():
+    svg = eyes.panorama(a_watched())
+    assert len(of_kind(svg, "field")) == 12
+    assert len(of_kind(svg, "feature")) == 36
+    assert "data:image/jpeg;base64," in svg
+
+
+def test_a_picture_that_is_none_is_left_out():
+    watched = a_watched()
+    watched.see(b"no picture", 2.0)
+    parsed(eyes.panorama(watched))
+    assert "data:image" not in eyes.panorama(watched)
+
+
+def test_columns_have_a_cell_for_every_neuron_and_the_brightest_is_the_present_one():
+    watched = a_watched()
+    cells = of_kind(DRAWINGS["columns"](watched), "neuron")
+    assert len(cells) == 150
+    assert cells[53].get("fill") == charts.heat(1.0)
+    assert cells[0].get("fill") == charts.heat(0.0)
+
+
+def test_a_collision_is_a_red_bar():
+    history = [a_decision(0), a_decision(1, collided=True, reinforcement=0.0)]
+    bars = of_kind(charts.reinforcement(history), "reward")
+    assert [bar.get("fill") for bar in bars] == [charts.GOOD, charts.BAD]
+
+
+def test_sensors_are_drawn_as_long_as_they_read():
+    wedges = of_kind(charts.infrared([0, 12, 1023, 4, 5, 6, 7, 8]), "sensor")
+    assert len(wedges) == 8
+    assert wedges[2].get("fill") == charts.BAD
+
+
+def test_text_from_elsewhere_stays_text():
+    evil = "<script>alert(1)</script>"
+    watched = a_watched(command=evil, hypotheses=[hypothesis(1.0, evil)])
+    watched.controlled.learned = learned().model_copy(
+        update={"commands": [learned().commands[0].model_copy(update={"name": evil})]}
+    )
+    for draw in DRAWINGS.values():
+        assert "<script" not in draw(watched)
+
+
+def test_the_status_tells_who_is_there():
+    watched = Watched("khepera")
+    assert texts.status(watched)[0] == "waiting for a robot"
+    watched.emulated.alive = True
+    assert texts.status(watched)[0] == "robot there, nobody drives it"
+    watched = a_watched()
+    assert texts.status(watched) == ("driving, 3 of 40 commands", "green")
+    watched.controlled.state = a_state(Phase.FAILED, reason="the cable")
+    assert texts.status(watched) == ("failed, 3 of 40 commands: the cable", "red")
+
+
+def test_replies_that_came_in_pieces_are_one_line():
+    watched = Watched("khepera")
+    for what, text in (("request", "B\n"), ("reply", "b,5."), ("reply", "01\r\n"), ("close", "")):
+        watched.emulated.wire.append(WireEntry(time=0.0, what=what, text=text))
+    assert texts.wire(watched) == "> B\n< b,5.01\nclose "
+
+
+class Clock:
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_a_recording_is_scrubbed_forth_and_back():
+    player = Player("khepera", a_life(3), Clock())
+    player.seek(2.9)
+    assert player.watched.controlled.decision.sequence == 1
+    version = player.watched.version
+    player.seek(1.9)
+    assert player.watched.controlled.decision.sequence == 0
+    assert [past.sequence for past in player.watched.controlled.history] == [0]
+    assert player.watched.version != version
+    player.seek(-5.0)
+    assert player.position == 0.0
+    assert player.watched.controlled.decision is None
+    player.seek(1e9)
+    assert player.position == player.duration == pytest.approx(4.0)
+    assert not player.watched.controlled.alive
+
+
+def test_playing_takes_its_time_and_ends():
+    clock = Clock()
+    player = Player("khepera", a_life(3), clock)
+    player.speed = 2.0
+    clock.now = 0.75
+    player.poll()
+    assert player.position == pytest.approx(1.5)
+    assert player.now == pytest.approx(BEGIN / SECOND + 1.5)
+    player.toggle()
+    clock.now = 60.0
+    player.poll()
+    assert player.position == pytest.approx(1.5)
+    player.toggle()
+    clock.now = 120.0
+    player.poll()
+    assert (player.position, player.playing) == (player.duration, False)
+    player.toggle()
+    assert (player.position, player.playing) == (0.0, True)
+
+
+def test_a_robot_that_is_put_elsewhere_begins_a_new_path():
+    emulated = Emulated()
+    for x in (0.1, 0.11, 0.1105, 0.12, 0.5):
+        emulated.place(truth(0.0, x))
+    assert [pose.x for pose in emulated.path] == [0.5]
+    emulated = Emulated()
+    for x in (0.1, 0.11, 0.1105, 0.12):
+        emulated.place(truth(0.0, x))
+    assert [pose.x for pose in emulated.path] == [0.1, 0.11, 0.12]

@@ -1,0 +1,261 @@
+"""Recordings: what is written is read, published again, and survives what may happen."""
+
+import json
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from controller_helpers import ask, free_endpoint, wait_until_watched, watching
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+from typer.testing import CliRunner
+from watching_helpers import BEGIN, SECOND, a_life, a_picture
+
+from macor_hil.cli import app
+from macor_hil.errors import RecordingError
+from macor_hil.monitor.watched import Watched
+from macor_hil.monitor.watcher import Watcher
+from macor_hil.telemetry.feed import Arrival, Presence
+from macor_hil.telemetry.recording import Recorder, read_recording
+from macor_hil.telemetry.replay import Stage, replay
+from macor_hil.telemetry.schemas import Decision
+from macor_hil.telemetry.session import open_session
+from protocol.keys import CONTROLLER, EMULATOR
+
+PATIENCE = 20.0
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "drive.mcap"
+    with Recorder(path, "khepera") as recorder:
+        for event in a_life():
+            recorder.write(event)
+    return path
+
+
+def test_what_is_read_is_what_was_written(file):
+    assert read_recording(file) == ("khepera", a_life())
+
+
+def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file):
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        schemas = {c.topic: summary.schemas[c.schema_id] for c in summary.channels.values()}
+        decision = schemas["macor/khepera/decision"]
+        assert (decision.name, decision.encoding) == ("macor.Decision", "jsonschema")
+        assert json.loads(decision.data) == Decision.model_json_schema()
+        assert schemas["macor/khepera/frame"].name == "foxglove.CompressedImage"
+        assert schemas["foxglove/khepera/pose"].name == "foxglove.PoseInFrame"
+        assert schemas["foxglove/khepera/walls"].name == "foxglove.SceneUpdate"
+        assert schemas["foxglove/khepera/infrared"].name == "foxglove.SceneUpdate"
+        assert schemas["foxglove/khepera/wire"].name == "foxglove.Log"
+        (_, _, message, picture), *_ = reader.iter_decoded_messages(["macor/khepera/frame"])
+        assert picture.format == "jpeg"
+        assert picture.data == a_picture(0)
+        assert (message.log_time, message.publish_time) == (BEGIN + SECOND, SECOND)
+        poses = [m for *_, m in reader.iter_decoded_messages(["foxglove/khepera/pose"])]
+        assert [round(pose.pose.position.x, 3) for pose in poses] == [0.1, 0.12, 0.14, 0.16]
+        logs = [m for *_, m in reader.iter_decoded_messages(["foxglove/khepera/wire"])]
+        assert [log.message for log in logs] == ["H\\n", "h,262,263\\r\\n"]
+
+
+def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path):
+    odd = Arrival(EMULATOR, "truth", b'{"future":1}', "application/json", None, BEGIN)
+    with Recorder(tmp_path / "x", "khepera") as recorder:
+        recorder.write(odd)
+    _, (event,) = read_recording(tmp_path / "x")
+    assert event.data == odd.data
+
+
+def test_a_recording_that_was_cut_off_is_read_to_there(file, tmp_path):
+    whole = read_recording(file)[1]
+    data = file.read_bytes()
+    # pictures are chunks of their own or end one: a cut in the middle keeps what came before
+    cut = tmp_path / "cut.mcap"
+    for share in (0.5, 0.9):
+        cut.write_bytes(data[: int(share * len(data))])
+        events = read_recording(cut)[1] if share > 0.5 else read_or_none(cut)
+        assert events == whole[: len(events)]
+    assert events
+
+
+def read_or_none(path):
+    try:
+        return read_recording(path)[1]
+    except RecordingError:
+        return []
+
+
+@pytest.mark.parametrize("content", [b"", b"no recording", bytes(200)])
+def test_what_is_no_recording_is_said_to_be_none(tmp_path, content):
+    (tmp_path / "x").write_bytes(content)
+    with pytest.raises(RecordingError, match="is no recording of a robot"):
+        read_recording(tmp_path / "x")
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(RecordingError, match="cannot read"):
+        read_recording(tmp_path / "x")
+    with pytest.raises(RecordingError, match="cannot record to"):
+        Recorder(tmp_path / "no" / "x", "khepera")
+
+
+def test_a_full_disk_stops_the_recording_with_a_sentence(tmp_path):
+    path, events = tmp_path / "x.mcap", a_life(200)
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from pathlib import Path\n"
+        "from watching_helpers import a_life\n"
+        "from macor_hil.errors import RecordingError\n"
+        "from macor_hil.telemetry.recording import Recorder\n"
+        "try:\n"
+        "    with Recorder(Path(sys.argv[2]), 'khepera') as recorder:\n"
+        "        for event in a_life(200):\n"
+        "            recorder.write(event)\n"
+        "except RecordingError as error:\n"
+        "    print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(Path(__file__).parent), str(path)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        preexec_fn=limit,
+        check=True,
+    )
+    assert done.stdout == f"cannot record to {path}: File too large\n"
+    read = read_recording(path)[1]
+    assert 10 < len(read) < len(events)
+    assert read == events[: len(read)]
+
+
+def record_process(path, endpoint, *more):
+    command = [sys.executable, "-m", "macor_hil.cli", "record", str(path), "--connect", endpoint]
+    return subprocess.Popen([*command, *more], stdout=subprocess.PIPE, text=True)
+
+
+def play(endpoint, path, events):
+    """Publish events to who records them at an endpoint, each picture when the last one is kept."""
+    with open_session([endpoint], []) as session:
+        wait_until_watched(session, "macor/khepera/decision", "macor/khepera/frame")
+        with Stage(session, "khepera") as stage:
+            pictures = 0
+            for event in events:
+                stage.show(event)
+                if isinstance(event, Arrival) and event.leaf == "frame":
+                    pictures += 1
+                    wait_until(lambda: len(pictures_in(path)) == pictures)  # noqa: B023
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
+    path, endpoint = tmp_path / "x.mcap", free_endpoint()
+    pictures = 4
+    process = record_process(path, endpoint)
+    try:
+        play(endpoint, path, a_life(pictures))
+        process.send_signal(number)
+        said, _ = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+        process.wait()
+    frames = pictures_in(path)
+    assert len(frames) == pictures
+    if number != signal.SIGKILL:
+        assert process.returncode == 0
+        assert "samples" in said
+        with path.open("rb") as stream:
+            assert make_reader(stream).get_summary() is not None
+
+
+def wait_until(condition):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def pictures_in(path):
+    events = read_or_none(path)
+    return [event for event in events if isinstance(event, Arrival) and event.leaf == "frame"]
+
+
+def test_a_recorder_ends_after_its_time(tmp_path):
+    path, endpoint = tmp_path / "x.mcap", free_endpoint()
+    result = CliRunner().invoke(
+        app, ["record", str(path), "--for", "0.2", "--connect", endpoint], catch_exceptions=False
+    )
+    assert result.stdout == f"{path}: 0 samples\n"
+
+
+def test_a_replay_is_what_was_recorded(file):
+    _, events = read_recording(file)
+    endpoint = free_endpoint()
+    with open_session([endpoint], []) as session, Watcher(session, "khepera") as watcher:
+        with open_session([], [endpoint]) as other, Stage(other, "khepera") as stage:
+            wait_until_watched(other, "macor/khepera/decision")
+            replay(events[:-2], stage, sleep=lambda _: None)
+            watcher.follow(PATIENCE, until=lambda: len(watcher.watched.controlled.history) == 3)
+            watcher.follow(PATIENCE, until=lambda: watcher.watched.emulated.outline is not None)
+            for event in events[-2:]:
+                stage.show(event)
+            watcher.follow(PATIENCE, until=lambda: not watcher.watched.controlled.alive)
+        direct = Watched("khepera")
+        for event in events:
+            direct.take(event)
+        assert watcher.watched.controlled.decision == direct.controlled.decision
+        assert watcher.watched.controlled.learned == direct.controlled.learned
+        assert watcher.watched.emulated.outline == direct.emulated.outline
+        # a burst: the last picture may have been dropped, as pictures are
+        assert watcher.watched.frame in {a_picture(k) for k in range(3)}
+
+
+def test_a_replay_keeps_the_distances_of_events():
+    shown, slept = [], []
+
+    class Recorded:
+        def show(self, event):
+            shown.append(event)
+
+    events = a_life(2)
+    replay(events, Recorded(), speed=2.0, clock=lambda: sum(slept), sleep=slept.append)
+    assert shown == events
+    assert sum(slept) == pytest.approx((events[-1].received - BEGIN) / SECOND / 2.0)
+
+
+def test_a_replay_answers_queries_with_the_latest_and_the_schema():
+    endpoint = free_endpoint()
+    with open_session([endpoint], []) as session, Stage(session, "khepera") as stage:
+        decision = a_life(1)[-5]
+        assert decision.leaf == "decision"
+        stage.show(decision)
+        with watching(endpoint) as (watcher,):
+            sample = ask(watcher, "macor/khepera/decision").ok
+            assert sample.payload.to_bytes() == decision.data
+            assert str(sample.encoding) == "application/json;macor.Decision"
+            assert json.loads(sample.attachment.to_bytes())["time"] == decision.stamp.time
+            schema = ask(watcher, "macor/khepera/decision?describe").ok
+            assert json.loads(schema.payload.to_bytes()) == Decision.model_json_schema()
+            assert ask(watcher, "macor/khepera/state").ok is None
+
+
+def test_presence_is_kept_apart_for_each_side():
+    watched = Watched("khepera")
+    for event in (Presence(EMULATOR, True, 0), Presence(CONTROLLER, True, 0)):
+        watched.take(event)
+    watched.take(Presence(EMULATOR, False, 0))
+    assert watched.controlled.alive
+    assert not watched.emulated.alive
+    watched.take(Presence(CONTROLLER, False, 0))
+    assert not watched.controlled.alive
+    assert watched.controlled.met

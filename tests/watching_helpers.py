@@ -1,0 +1,82 @@
+"""A short life of a robot as events, for the tests of those who watch."""
+
+import cv2
+import numpy as np
+from controller_helpers import a_decision, a_state
+
+from macor_hil.telemetry.examples import EXAMPLES
+from macor_hil.telemetry.feed import Arrival, Presence
+from macor_hil.telemetry.schemas import Ahead, Fields, Hypothesis, Learned, Link
+from protocol.keys import CONTROLLER, EMULATOR, schema_name
+from protocol.mirror import Mirror
+from protocol.side_channel import Outline, Pose, Stamp, Truth, Wire
+
+SECOND = 1_000_000_000
+BEGIN = 1_700_000_000 * SECOND
+
+
+def a_picture(seed=0):
+    """A picture of noise: larger than a chunk of a recording."""
+    mirror = Mirror()
+    rng = np.random.default_rng(seed)
+    image = rng.integers(0, 256, (mirror.height, mirror.width, 3), dtype=np.uint8)
+    return cv2.imencode(".jpg", image)[1].tobytes()
+
+
+def json_event(side, leaf, payload, seconds, sequence=0):
+    return Arrival(
+        side,
+        leaf,
+        payload.model_dump_json().encode(),
+        f"application/json;{schema_name(side, type(payload))}",
+        Stamp(sequence=sequence, time=round(seconds, 6)),
+        BEGIN + round(seconds * SECOND),
+    )
+
+
+def picture_event(seconds, sequence=0, seed=0, side=CONTROLLER, leaf="frame"):
+    stamp = Stamp(sequence=sequence, time=round(seconds, 6))
+    received = BEGIN + round(seconds * SECOND)
+    return Arrival(side, leaf, a_picture(seed), "image/jpeg", stamp, received)
+
+
+def truth(time, x, y=0.0, heading=0.0):
+    example = EXAMPLES[Truth]
+    return example.model_copy(update={"time": time, "pose": Pose(x=x, y=y, heading=heading)})
+
+
+def learned(situations=50):
+    example = EXAMPLES[Learned]
+    fields = Fields(sectors=12, width=0.26, channels=example.fields.channels)
+    return example.model_copy(update={"situations": situations, "fields": fields})
+
+
+def hypothesis(evaluation, *commands):
+    ahead = [Ahead(node=7, command=command) for command in commands]
+    return Hypothesis(evaluation=evaluation, ahead=ahead)
+
+
+def a_life(decisions=3):
+    """Emulator and controller appear, drive some commands, a second each, and go."""
+    events = [
+        Presence(EMULATOR, True, BEGIN),
+        json_event(EMULATOR, "arena", EXAMPLES[Outline], 0.1),
+        json_event(EMULATOR, "truth", truth(0.2, 0.1), 0.2),
+        json_event(EMULATOR, "wire", EXAMPLES[Wire], 0.25),
+        Presence(CONTROLLER, True, BEGIN + SECOND // 2),
+        json_event(CONTROLLER, "map", learned(), 0.6),
+        json_event(CONTROLLER, "state", a_state(driven=0), 0.7),
+    ]
+    for k in range(decisions):
+        start = 1.0 + k
+        events += [
+            picture_event(start, k, seed=k),
+            json_event(EMULATOR, "truth", truth(start + 0.5, 0.1 + 0.02 * (k + 1)), start + 0.5, k),
+            json_event(
+                CONTROLLER, "decision", a_decision(k, frame_time=start), start + 0.8, sequence=k
+            ),
+            json_event(CONTROLLER, "link", EXAMPLES[Link], start + 0.81, sequence=k),
+            json_event(CONTROLLER, "state", a_state(driven=k + 1), start + 0.82, sequence=k + 1),
+        ]
+    end = BEGIN + round((1.0 + decisions) * SECOND)
+    return [*events, Presence(CONTROLLER, False, end), Presence(EMULATOR, False, end)]
