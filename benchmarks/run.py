@@ -13,11 +13,12 @@ from statistics import median
 
 from figures import Bench, Figure
 from page import DOCS, table, write_part
+from peer import Peer
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 from serial_line import Exchanges, WireTime
-from simulation import Fleet, Simulation
+from simulation import Fleets, Simulation
 from training_command import Presentations, TrainingCommand
 from watching import Recording, Watched
 
@@ -26,7 +27,8 @@ _BENCHES = (
     Exchanges,
     WireTime,
     Simulation,
-    Fleet,
+    Fleets,
+    Peer,
     TrainingCommand,
     Presentations,
     Recording,

@@ -8,25 +8,27 @@ from contextlib import ExitStack
 from time import process_time
 from typing import NamedTuple
 
-import pybullet
 from figures import Figure
 from stopwatch import Part, Stopwatch
 
 from khepera_emulator.arena import load_arena
+from khepera_emulator.contact import Contact
 from khepera_emulator.emulator import Emulator, Setup, make_fleet
 from khepera_emulator.infrared import Infrared
+from khepera_emulator.motors import Wheel
+from khepera_emulator.renderers.skyline import SkylineRenderer
 from protocol.side_channel import Pose, Reset
 
-_STEP = 0.020
+STEP = 0.020
 """Seconds of simulated time between two looks at the robot."""
 
-_FLEET = 8
+_FLEETS = (8, 64)
 
 _OPEN = Pose(x=0.0, y=-0.185, heading=0.0)
-_AT_WALL = Pose(x=0.4525, y=0.0, heading=0.0)
+AT_WALL = Pose(x=0.4525, y=0.0, heading=0.0)
 """20 mm before the wall: every ray is cast, and most sensors see something."""
 
-_CIRCLE, _SPOT, _PUSH = b"D,3,4\n", b"D,4,-4\n", b"D,5,5\n"
+_CIRCLE, SPOT, _PUSH = b"D,3,4\n", b"D,4,-4\n", b"D,5,5\n"
 
 Look = Callable[[Emulator], object]
 
@@ -52,17 +54,19 @@ def _nothing(_: Emulator) -> None:
     pass
 
 
-def _ask(emulator: Emulator) -> None:
+def ask(emulator: Emulator) -> None:
+    """Put a request for the proximity sensors on the line."""
     emulator.write(b"N\n")
 
 
-_STEPPING: tuple[str, Part] = ("PyBullet's steps", (pybullet, "stepSimulation"))
+_WHEELS: tuple[str, Part] = ("the wheels' controllers", (Wheel, "control"))
+_PUSHING: tuple[str, Part] = ("the impulses at the wall", (Contact, "push"))
 _RAYS: tuple[str, Part] = ("the sensors' rays", (Infrared, "gaps"))
-_RENDERING: tuple[str, Part] = ("PyBullet's renderer", (pybullet, "getCameraImage"))
+_RENDERING: tuple[str, Part] = ("the renderer", (SkylineRenderer, "render"))
 _CASES = (
-    _Case("away from walls", _OPEN, _CIRCLE, 60.0, 1, _nothing, _STEPPING),
-    _Case("always in contact with a wall", _AT_WALL, _PUSH, 15.0, 1, _nothing, _STEPPING),
-    _Case("at a wall, all eight sensors every 20 ms", _AT_WALL, _SPOT, 30.0, 1, _ask, _RAYS),
+    _Case("away from walls", _OPEN, _CIRCLE, 60.0, 1, _nothing, _WHEELS),
+    _Case("always in contact with a wall", AT_WALL, _PUSH, 30.0, 1, _nothing, _PUSHING),
+    _Case("at a wall, all eight sensors every 20 ms", AT_WALL, SPOT, 30.0, 1, ask, _RAYS),
     _Case("a camera frame a second", _OPEN, _CIRCLE, 60.0, 50, Emulator.mirror_image, _RENDERING),
     _Case("a camera frame at 10 Hz", _OPEN, _CIRCLE, 10.0, 5, Emulator.mirror_image, _RENDERING),
 )
@@ -102,30 +106,37 @@ class Simulation:
         ]
 
 
-class Fleet:
-    """Eight robots in one world, each asked for its sensors every 20 ms."""
+class Fleets:
+    """Robots in one world, each asked for its sensors every 20 ms."""
 
     def __init__(self, stack: ExitStack) -> None:
-        self._robots = make_fleet(Setup(load_arena("open-box"), baud=None), _FLEET)
-        stack.callback(self._robots[0].close)
-        for robot in self._robots:
-            robot.write(_SPOT)
+        self._fleets = []
+        for size in _FLEETS:
+            robots = make_fleet(Setup(load_arena("open-box"), baud=None), size)
+            stack.callback(robots[0].close)
+            for robot in robots:
+                robot.write(SPOT)
+            self._fleets.append(robots)
 
     def round(self) -> dict[str, float]:
-        """Factor of the world."""
-        case = _Case("", _OPEN, _SPOT, 3.0, 1, _ask, _RAYS)
-        return {"fleet": case.seconds / _run(self._robots, case, case.seconds)}
+        """Factor of each world."""
+        case = _Case("", _OPEN, SPOT, 24.0, 1, ask, _RAYS)
+        found = {}
+        for robots in self._fleets:
+            seconds = case.seconds / len(robots)
+            found[f"{len(robots)}"] = seconds / _run(robots, case, seconds)
+        return found
 
     def figures(self, medians: Mapping[str, float]) -> list[Figure]:
         """Robots that one core carries in real time."""
-        factor = medians["fleet"]
         return [
             Figure(
-                f"real-time factor, {_FLEET} robots in one world, sensors every 20 ms",
-                f"{factor:.0f}",
-                f"robots a core in real time, if linear: {factor * _FLEET:.0f}",
-                f"{factor:.0f} x real time",
+                f"real-time factor, {size} robots in one world, sensors every 20 ms",
+                f"{medians[str(size)]:.1f}",
+                f"robots times factor: {medians[str(size)] * size:.0f}",
+                f"{medians[str(size)]:.1f} x real time",
             )
+            for size in _FLEETS
         ]
 
 
@@ -139,11 +150,11 @@ def _begin(emulator: Emulator, case: _Case) -> None:
 def _run(robots: list[Emulator], case: _Case, seconds: float) -> float:
     """Let simulated seconds pass; returns seconds of the processor."""
     start = process_time()
-    for step in range(round(seconds / _STEP)):
+    for step in range(round(seconds / STEP)):
         if step % case.every == 0:
             for robot in robots:
                 case.look(robot)
-        robots[0].advance(robots[0].now + _STEP)
+        robots[0].advance(robots[0].now + STEP)
         for robot in robots:
             robot.read()
     return process_time() - start

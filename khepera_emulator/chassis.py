@@ -7,7 +7,7 @@ same wheels drive a rigid body in PyBullet instead: `rigid_body`. `crew` then br
 through a period together.
 """
 
-from math import cos, pi, sin
+from math import cos, inf, pi, sin
 
 from khepera_emulator.contact import Contact, Motion, Touch
 from khepera_emulator.geometry import Surroundings
@@ -78,7 +78,9 @@ class Chassis(Disc):
         self.reach = 0.0
         self._dynamic = False
         self._sliding: Motion | None = None
-        self._free_way = 0.0
+        self._free_way = self._apart = 0.0
+        self._world.arrangement += 1
+        self._arrangement = -1
         self._pushing.forget()
         self.show()
 
@@ -109,14 +111,28 @@ class Chassis(Disc):
         reach_left, reach_right = abs(ground_left), abs(ground_right)
         self.reach = reach_left if reach_left > reach_right else reach_right
 
-    def meets_mover(self) -> bool:
-        """Whether the body could touch something that moves in the period; all must have aimed."""
+    def meets_mover(self, most: float) -> bool:
+        """Whether the body could touch something that moves in the period; all must have aimed.
+
+        Args:
+            most: metres that anything in the world may go in the period.
+        """
         if self._surroundings is None:
             return False
+        arrangement = self._world.arrangement
+        self._apart -= 2 * most
+        if self._apart > _MOVER_MARGIN and self._arrangement == arrangement:
+            return False
         reach = self.radius + self.reach + _MOVER_MARGIN
-        return any(
-            mover.gap(self.x, self.y) < reach + mover.reach for mover in self._surroundings.others()
-        )
+        nearest, meets = inf, False
+        for mover in self._surroundings.others():
+            gap = mover.gap(self.x, self.y)
+            meets = meets or gap < reach + mover.reach
+            nearest = min(nearest, gap)
+        # need not be asked again before body and movers can have come so much nearer
+        self._apart = nearest - self.radius - 2 * most
+        self._arrangement = arrangement
+        return meets
 
     def go(self) -> tuple[float, float]:
         """Go the way that was aimed at, as far as walls allow; returns the wheels' ways."""

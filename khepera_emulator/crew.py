@@ -41,7 +41,9 @@ class Crew:
     def _period(self) -> None:
         for robot in self._robots:
             robot.aim()
-        near = [robot.chassis.meets_mover() for robot in self._robots]
+        robots, things = self._robots, self._world.things
+        most = max([robot.chassis.reach for robot in robots] + [t.footprint.reach for t in things])
+        near = [robot.chassis.meets_mover(most) for robot in self._robots]
         if self._world.restless or any(near):
             for robot, dynamic in zip(self._robots, near, strict=True):
                 if dynamic:

@@ -108,6 +108,7 @@ class World:
         things: what robots can push.
         movers: footprints of the things, and of all robots of a shared world.
         robots: the robots of a shared world.
+        arrangement: another number whenever something was put elsewhere from outside.
     """
 
     def __init__(self, arena: Arena, *, shared: bool = False) -> None:
@@ -123,6 +124,7 @@ class World:
         self.things = [self._add_thing(part) for part in arena.object]
         self.movers: list[Footprint] = [thing.footprint for thing in self.things]
         self.robots: list[Shown] = []
+        self.arrangement = 0
 
     def close(self) -> None:
         """End the physics client."""
@@ -145,11 +147,13 @@ class World:
 
     def lift(self, thing: Thing) -> None:
         """Take a thing off the floor: nothing meets it and no ray hits it any more."""
+        self.arrangement += 1
         self.movers.remove(thing.footprint)
         self._let_touch(thing, touch=False)
 
     def put(self, thing: Thing) -> None:
         """Put a lifted thing back on the floor, where it has been placed."""
+        self.arrangement += 1
         self._let_touch(thing, touch=True)
         self.movers.append(thing.footprint)
 

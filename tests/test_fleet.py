@@ -1,6 +1,6 @@
 """Robots that share a world: they see, block and push each other, each on a line of its own."""
 
-from math import hypot, pi
+from math import cos, degrees, hypot, pi, sin
 
 import numpy as np
 import pytest
@@ -73,6 +73,37 @@ class TestStarts:
     def test_two_on_one_place_are_refused(self):
         with pytest.raises(EmulatorError, match="no room for the robot"):
             make_fleet(setup({"x": 0.03, "y": 0.03}), 2)
+
+
+def test_no_meeting_is_missed_by_looking_only_when_something_can_be_near():
+    """Robots that drive at each other from all sides, and a ball between them."""
+    starts = [
+        {"x": 0.3 * cos(angle), "y": 0.3 * sin(angle), "heading": degrees(angle) - 180}
+        for angle in (0.0, 1.3, 2.6, 3.9, 5.2)
+    ]
+    ball = {"shape": "ball", "centre": [0.06, 0.0], "radius": 0.02, "mass": 0.005}
+
+    def drive(*, always):
+        robots = make_fleet(setup(*starts, object=[ball]), 6)
+        world = robots[0].robot.chassis._world
+        rng = np.random.default_rng(0)
+        poses, met = [], 0
+        for step in range(400):
+            if step % 100 == 0:
+                for robot in robots[1:]:
+                    robot.write(b"D,%d,%d\n" % tuple(rng.integers(10, 14, 2)))
+            if step == 200:
+                robots[0].reset(Reset(random=True))
+            world.arrangement += always
+            robots[0].advance(robots[0].now + 0.01)
+            poses.append([robot.truth().pose for robot in robots])
+            met += sum(robot.robot.chassis._dynamic for robot in robots)
+        robots[0].close()
+        return poses, met
+
+    looking, met = drive(always=True)
+    assert met > 100
+    assert drive(always=False) == (looking, met)
 
 
 class TestLines:
