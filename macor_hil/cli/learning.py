@@ -184,6 +184,14 @@ def reproduce(
     name: Annotated[str, typer.Argument(help="A figure or table of the paper, or all.")],
     seeds: Annotated[int, typer.Option(min=1, help="Training seeds: 1 to this number.")] = 30,
     workers: Annotated[int, typer.Option(min=1, help="Processes to share the work.")] = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Scheduler of a dask cluster that does the work instead, such as"
+            " tcp://127.0.0.1:8786; its workers share the folder of --out.",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="For recordings, results and the report.")] = Path(
         "runs/reproduction"
     ),
@@ -207,7 +215,7 @@ def reproduce(
                 tasks[what] = bars.add_task(what, total=of)
             bars.update(tasks[what], completed=done)
 
-        page = runner.reproduce(chosen, seeds, workers, out, watch)
+        page = runner.reproduce(chosen, seeds, workers, out, watch, cluster)
     typer.echo(str(page))
 
 

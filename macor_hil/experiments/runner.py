@@ -8,6 +8,7 @@ from typing import Any, Final, TypeVar
 
 import joblib
 
+from macor_hil.experiments.engine import engine
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.recording import Recordings
 from macor_hil.experiments.report import Chapter, write_report
@@ -24,6 +25,9 @@ from macor_hil.experiments.sources import digest
 Watch = Callable[[str, int, int], None]
 """Hears what is being done, how many seeds of it are done, and of how many."""
 
+_ALL: Final = -1
+"""As many workers as the engine has."""
+
 _T = TypeVar("_T")
 
 COSTS: Final = "costs.jsonl"
@@ -31,7 +35,12 @@ COSTS: Final = "costs.jsonl"
 
 
 def reproduce(
-    experiments: Sequence[Experiment], seeds: int, workers: int, out: Path, watch: Watch
+    experiments: Sequence[Experiment],
+    seeds: int,
+    workers: int,
+    out: Path,
+    watch: Watch,
+    cluster: str | None = None,
 ) -> Path:
     """Run experiments over the seeds 1 to `seeds` and write the report page.
 
@@ -41,9 +50,10 @@ def reproduce(
     Args:
         experiments: what to run.
         seeds: training seeds.
-        workers: worker processes.
+        workers: worker processes on this machine.
         out: folder for recordings, results and report.
         watch: hears of the progress.
+        cluster: address of a dask scheduler, whose workers do the work instead; they share `out`.
 
     Returns:
         The report page.
@@ -52,7 +62,9 @@ def reproduce(
         MacorError: the emulator fails, or the folder cannot be used.
     """
     numbers = range(1, seeds + 1)
-    with only_one(out):
+    if cluster is not None:
+        workers = _ALL
+    with only_one(out), engine(cluster):
         chapters = [
             Chapter(
                 experiment,
