@@ -110,7 +110,7 @@ class TrainingCommand:
 
     def _plan(self) -> dict[str, float]:
         memory = self._brain.memory
-        known = np.flatnonzero(memory.map.z.any(axis=0))
+        known = np.unique(memory.map.transitions().past)
         chosen = known[np.linspace(0, len(known) - 1, _PLANS).astype(int)]
         planner, nowhere = Anticipative(), np.zeros(memory.map.nodes)
         start = process_time()

@@ -43,16 +43,16 @@ def save_map(path: Path, brain: Brain, training: dict[str, Any]) -> None:
         "fields": {"low": brain.fields.low, "high": brain.fields.high},
         "training": training,
     }
-    present, past = np.nonzero(brain.map.z)
+    known = brain.map.transitions()
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
         meta=np.array(json.dumps(meta, sort_keys=True)),
         weights=brain.art.weights,
-        present=present.astype(np.int32),
-        past=past.astype(np.int32),
-        z=brain.map.z[present, past],
-        w_r=brain.map.w_r[present, past],
+        present=known.present.astype(np.int32),
+        past=known.past.astype(np.int32),
+        z=known.z,
+        w_r=known.w_r,
         led_to=brain.graded.led_to,
         tried=brain.graded.tried,
         earned=brain.graded.earned,

@@ -46,5 +46,5 @@ def test_a_cluster_that_is_not_there_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("macor_hil.experiments.engine._PATIENCE", "300ms")
-    with pytest.raises(MacorError, match="no dask scheduler answers at tcp://127.0.0.1:9"):
+    with pytest.raises(MacorError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
         reproduce([TINY], 1, 1, tmp_path, silent, "tcp://127.0.0.1:9")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from planning import square
 
 from macor_hil.brain import Settings
 from macor_hil.drive import LEFT, RIGHT, STRAIGHT
@@ -64,15 +65,15 @@ def test_a_changed_goal_is_learned_from_the_change_on(recordings: Recordings) ->
     settings = experiment.settings
     system = learn_all(settings, recordings[1])[ANTICIPATIVE]
     same = goals._changed(settings, system, recordings[1], 0)
-    np.testing.assert_array_equal(same.mind.map.w_r, system.mind.map.w_r)
-    np.testing.assert_array_equal(same.mind.map.w_c, system.mind.map.w_c)
+    np.testing.assert_array_equal(square(same.mind.map, "w_r"), square(system.mind.map, "w_r"))
+    np.testing.assert_array_equal(square(same.mind.map, "w_c"), square(system.mind.map, "w_c"))
     changed = goals._changed(settings, system, recordings[1], 31)
     # transitions by a turn to the left: they earn what they earn now
-    left = np.zeros_like(changed.mind.map.w_r, dtype=bool)
+    left = np.zeros_like(square(changed.mind.map, "w_r"), dtype=bool)
     left[0::3] = True
-    seen = (changed.mind.map.w_r != system.mind.map.w_r) & left
+    seen = (square(changed.mind.map, "w_r") != square(system.mind.map, "w_r")) & left
     assert seen.any()
-    assert set(changed.mind.map.w_r[seen].round(6)) <= {0.1, 0.05}
+    assert set(square(changed.mind.map, "w_r")[seen].round(6)) <= {0.1, 0.05}
     result = experiment.trial(settings, 1, recordings)
     assert list(result["after"]) == ["0", "20"]
     assert experiment.draw(settings, {1: result})

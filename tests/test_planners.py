@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from planning import plan
+from planning import plan, square
 
 from macor_hil.planners.anticipative import Anticipative
 from macor_hil.planners.expected import Expected, pooled_outcomes
@@ -38,8 +38,8 @@ def test_the_evaluation_is_the_mean_of_what_a_transition_earned() -> None:
     memory = SensorimotorMap(1, 2)
     for r in (0.7, 0.5, 0.0):
         memory.learn(0, 1, r)
-    assert memory.z[1, 0] == 3
-    assert memory.w_r[1, 0] == pytest.approx(0.4)
+    assert square(memory, "z")[1, 0] == 3
+    assert square(memory, "w_r")[1, 0] == pytest.approx(0.4)
 
 
 def test_reactive_takes_the_best_next_step_and_looks_no_further() -> None:
@@ -171,3 +171,19 @@ def test_expected_value_is_the_discounted_sum_over_a_loop() -> None:
 def test_expected_value_without_any_transition_has_no_plan() -> None:
     found = plan(Expected(), SensorimotorMap(3, 2), 1)
     assert (found.command, found.sequence) == (None, ())
+
+
+def test_planning_takes_the_greatest_activity_of_a_large_sparse_map() -> None:
+    # activities as by the plain iteration of equation 5 over all neurons at once
+    rng = np.random.default_rng(5)
+    memory = SensorimotorMap(40, 3)
+    for _ in range(900):
+        j, i = rng.integers(120, size=2)
+        memory.learn(int(j), int(i), float(rng.random()))
+    w_c = square(memory, "w_c")
+    for start in range(0, 120, 17):
+        y_a = np.zeros(120)
+        y_a[start] = 1.0
+        for _ in range(200):
+            y_a = np.maximum(y_a, (w_c * np.where(y_a >= 1e-3, y_a, 0.0)).max(axis=1))
+        np.testing.assert_array_equal(plan(Anticipative(), memory, start).activities, y_a)

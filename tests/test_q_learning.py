@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
-from planning import plan
+from planning import plan, square
 
 from macor_hil.planners.q_learning import QLearning, QMap
 from macor_hil.planners.reactive import Reactive
-from macor_hil.sensorimotor_map import SensorimotorMap
+from macor_hil.sensorimotor_map import Competence, SensorimotorMap
 
 
 def test_the_first_adaptation_stores_what_was_earned() -> None:
     memory = QMap(3, 2, gamma=0.9)
     memory.learn(0, 2, 0.5)
-    assert memory.w_r[2, 0] == pytest.approx(0.5)
+    assert square(memory, "w_r")[2, 0] == pytest.approx(0.5)
 
 
 def test_what_follows_is_added_with_its_discount() -> None:
@@ -21,7 +21,7 @@ def test_what_follows_is_added_with_its_discount() -> None:
     memory.learn(2, 5, 0.7)
     memory.learn(0, 2, 0.5)
     # equation 4 takes the better of the two that followed neuron 2
-    assert memory.w_r[2, 0] == pytest.approx(0.5 + 0.9 * 0.7)
+    assert square(memory, "w_r")[2, 0] == pytest.approx(0.5 + 0.9 * 0.7)
 
 
 def test_the_learning_rate_is_one_over_the_count() -> None:
@@ -31,35 +31,35 @@ def test_the_learning_rate_is_one_over_the_count() -> None:
     memory.learn(2, 5, 0.8)
     memory.learn(0, 2, 0.6)
     # first target 0.6, second 0.6 + 0.5 * 0.8 = 1.0: their mean
-    assert memory.w_r[2, 0] == pytest.approx(0.8)
-    assert memory.z[2, 0] == 2
+    assert square(memory, "w_r")[2, 0] == pytest.approx(0.8)
+    assert square(memory, "z")[2, 0] == 2
 
 
 def test_nothing_follows_a_collision() -> None:
     memory = QMap(3, 2, gamma=0.9)
     memory.learn(4, 3, 0.7)  # neuron 4 is also known from elsewhere
     memory.learn_last(0, 4, 0.0)
-    assert memory.w_r[4, 0] == 0.0
+    assert square(memory, "w_r")[4, 0] == 0.0
 
 
 def test_negative_evaluations_are_not_hidden_by_unknown_ones() -> None:
     memory = QMap(3, 2, gamma=1.0)
     memory.learn(2, 4, -1.0)
     memory.learn(0, 2, 0.0)
-    assert memory.w_r[2, 0] == pytest.approx(-1.0)
+    assert square(memory, "w_r")[2, 0] == pytest.approx(-1.0)
 
 
 def test_gamma_zero_is_equation_2() -> None:
     rng = np.random.default_rng(1)
-    weak, plain = QMap(4, 3, gamma=0.0), SensorimotorMap(4, 3)
+    weak = QMap(4, 3, gamma=0.0)
+    plain = SensorimotorMap(4, 3, Competence(mu=-100.0))
     for _ in range(300):
         j, i = rng.integers(12, size=2)
         r = float(rng.choice([0.0, 0.54, 0.62]))
         weak.learn(int(j), int(i), r)
         plain.learn(int(j), int(i), r)
-    assert (weak.w_r == plain.w_r).all()
-    # where every competence is at its greatest, the reactive system decides alike
-    plain.w_c = np.where(plain.z > 0, 0.95, 0.0)
+    assert (square(weak, "w_r") == square(plain, "w_r")).all()
+    # as every competence is at its greatest, the reactive system decides alike
     for start in range(12):
         assert plan(QLearning(), weak, start).command == plan(Reactive(), plain, start).command
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planning import square
 
 import macor_hil.checkpoints
 from macor_hil.brain import Brain, Settings
@@ -58,7 +59,7 @@ def test_sessions_cover_all_commands_in_the_paper_s_order() -> None:
 
 def test_training_learns_one_transition_a_command(tmp_path: Path) -> None:
     brain = train(tmp_path / "a.npz")
-    assert brain.map.z.sum() == SHORT.random + SHORT.reactive
+    assert square(brain.map, "z").sum() == SHORT.random + SHORT.reactive
     assert 0 < brain.art.size <= 12
     assert brain.fields.high != (1.0, 1.0, 1.0)
     assert not checkpoint_path(tmp_path / "a.npz").exists()
@@ -88,7 +89,7 @@ def test_a_killed_training_loses_at_most_its_last_session(tmp_path: Path) -> Non
     assert done.returncode == -signal.SIGKILL
     brain, training = load_map(checkpoint_path(path))
     assert training["sessions"] == 3  # 60 of the 70 commands
-    assert brain.map.z.sum() == 40
+    assert square(brain.map, "z").sum() == 40
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.npz.part"]
 
 
@@ -119,9 +120,9 @@ def test_driving_back_recovers_without_any_reset(tmp_path: Path) -> None:
         brain = train_map(tmp_path / "a.npz", SETTINGS, backing, PORT, devices, lambda _: None)
         assert hardware.bench is not None
         assert not hardware.bench.truth().touched
-    assert brain.map.z.sum() == 170
+    assert square(brain.map, "z").sum() == 170
     # it did collide, and went on
-    assert np.count_nonzero((brain.map.w_r < 0.4) & (brain.map.z > 0)) > 0
+    assert np.count_nonzero((square(brain.map, "w_r") < 0.4) & (square(brain.map, "z") > 0)) > 0
 
 
 BACKING = replace(SHORT, random=60, reactive=0, recovery=Recovery.BACK, session=40)
@@ -159,7 +160,7 @@ def test_a_training_without_reset_gets_over_failures_and_learns_nothing_from_the
     tmp_path: Path,
 ) -> None:
     brain = train_on_a_robot(tmp_path / "a.npz", fail_at=(7, 30, 31, 50))
-    assert brain.map.z.sum() == BACKING.random
+    assert square(brain.map, "z").sum() == BACKING.random
     assert not checkpoint_path(tmp_path / "a.npz").exists()
 
 
@@ -171,7 +172,7 @@ def test_sessions_on_a_robot_add_up_to_one_map(tmp_path: Path, stop_at: int) -> 
     brain, training = load_map(checkpoint_path(path))
     driven = {0: 0, 1: 20, 2: 60}[training["sessions"]] + training.get("done", 0)
     assert driven in (stop_at, stop_at - 1)  # what a session ends with is kept when it has ended
-    assert brain.map.z.sum() == max(0, driven - 20)
+    assert square(brain.map, "z").sum() == max(0, driven - 20)
     assert train_on_a_robot(path).map.z.sum() == BACKING.random
 
 
@@ -190,7 +191,7 @@ def test_a_full_disk_is_waited_out_with_a_hand(
     brain = train_on_a_robot(tmp_path / "a.npz", ask=asked.append)
     assert len(asked) == 2
     assert "No space left on device. The robot stands; make room" in asked[0]
-    assert brain.map.z.sum() == BACKING.random
+    assert square(brain.map, "z").sum() == BACKING.random
 
 
 def test_without_a_hand_a_full_disk_ends_the_training(

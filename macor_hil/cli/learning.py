@@ -121,7 +121,7 @@ def train(
                     map_file, settings, schedule, port, (driver, eyes, None), progress, care, 1
                 )
     typer.echo(
-        f"{map_file}: {brain.art.size} situations, {np.count_nonzero(brain.map.z)} transitions"
+        f"{map_file}: {brain.art.size} situations, {len(brain.map)} transitions"
         f" from {schedule.commands} commands"
     )
 

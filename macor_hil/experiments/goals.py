@@ -8,6 +8,7 @@ commands of it does each system need until it earns as much as one that was trai
 from the beginning?
 """
 
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -41,8 +42,6 @@ from macor_hil.experiments.systems import (
 )
 from macor_hil.graded_map import GradedMap
 from macor_hil.memory import Memory
-from macor_hil.planners.q_learning import QMap
-from macor_hil.sensorimotor_map import SensorimotorMap
 
 SHOWN: Final = (REACTIVE, ANTICIPATIVE, Q, EXPECTED, GRADED)
 _WELL: Final = 0.9
@@ -99,27 +98,15 @@ def _changed(settings: Settings, system: System, recording: Recording, frames: i
     """A system some frames after the change."""
     mind = system.mind
     inputs = recording.inputs[:frames]
-    transitions = _copy(mind.map)
+    transitions = deepcopy(mind.map)
+    transitions.begin_anew()
     learn_transitions(
         transitions, situations(mind.clusterer, inputs, learn=False), recording, settings.goal
     )
     graded = _revalued(settings, mind, recording, inputs)
-    memory = Memory(_with_counts(transitions, mind.map), graded)
-    return System(Mind(recording.brain, mind.clusterer, memory), system.planner)
-
-
-def _copy(known: SensorimotorMap) -> SensorimotorMap:
-    """A map with the same evaluations, whose learning rates begin anew."""
-    size = known.nodes, known.commands
-    copy = QMap(*size, known.gamma) if isinstance(known, QMap) else SensorimotorMap(*size)
-    copy.w_r = known.w_r.copy()
-    return copy
-
-
-def _with_counts(changed: SensorimotorMap, known: SensorimotorMap) -> SensorimotorMap:
-    """The counts and competences of the whole life of a map, with its changed evaluations."""
-    changed.z, changed.w_c = known.z, known.w_c
-    return changed
+    return System(
+        Mind(recording.brain, mind.clusterer, Memory(transitions, graded)), system.planner
+    )
 
 
 def _revalued(

@@ -73,7 +73,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     return {
         "outline": outline,
         "robot_hours": round(recording.robot_seconds / 3600, 4),
-        "transitions": int(np.count_nonzero(systems[ANTICIPATIVE].mind.map.z)),
+        "transitions": len(systems[ANTICIPATIVE].mind.map),
         "trials": {name: [trial_as_json(one) for one in done] for name, done in driven.items()},
     }
 

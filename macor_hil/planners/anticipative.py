@@ -11,11 +11,10 @@ Both can be stopped after any number of wave steps; the decision gets better wit
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from macor_hil.memory import Memory
 from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
-from macor_hil.sensorimotor_map import Array
+from macor_hil.sensorimotor_map import Array, Indices, Transitions
 
 
 class Anticipative:
@@ -32,31 +31,18 @@ class Anticipative:
 
     def plan(self, memory: Memory, now: Now) -> Plan:
         """Evaluate the commands that can follow the present neuron."""
-        transitions, start = memory.map, now.neuron
-        w_c = transitions.w_c
-        y_a, links, steps = self._spread(w_c, start)
-        y_b = np.zeros(transitions.size)
-        successor = np.full(transitions.size, -1)
-        best: list[float | None] = [None] * transitions.commands
-        firsts = [-1] * transitions.commands
-        weighed: list[tuple[int, float]] = []
-        if w_c[start, start] > 0.0:
-            a = start % transitions.commands
-            back = float(transitions.w_r[start, start] * w_c[start, start])
-            best[a] = back
-            weighed.append((start, back))
-        # from the weakest neuron to the strongest: each is complete before it hands on
-        for i in np.flatnonzero(links.any(axis=1))[np.argsort(y_a[links.any(axis=1)])]:
-            for j in np.flatnonzero(links[i]):
-                value = transitions.w_r[i, j] * y_a[i] + y_b[i]
-                if j == start:
-                    a = i % transitions.commands
-                    known = best[a]
-                    weighed.append((int(i), float(value)))
-                    if known is None or value > known:
-                        best[a], firsts[a] = float(value), int(i)
-                elif successor[j] < 0 or value > y_b[j]:
-                    y_b[j], successor[j] = value, i
+        start, commands = now.neuron, memory.map.commands
+        known = memory.map.transitions()
+        y_a, steps = self._spread(known, start)
+        weighed, successor = _run_back(known, y_a, start)
+        best: list[float | None] = [None] * commands
+        firsts = [-1] * commands
+        for i, value in weighed:
+            a = i % commands
+            before = best[a]
+            if before is None or value > before:
+                # no sequence meets a neuron twice, the start neither
+                best[a], firsts[a] = value, -1 if i == start else i
         evaluations = tuple(best)
         command = best_command(evaluations)
         first = -1 if command is None else firsts[command]
@@ -67,32 +53,71 @@ class Anticipative:
             steps,
             ranked(
                 (Hypothesis(_sequence(i, successor), value) for i, value in weighed),
-                transitions.commands,
+                commands,
             ),
             tuple(y_a.tolist()),
         )
 
-    def _spread(self, w_c: Array, start: int) -> tuple[Array, Array, int]:
-        """Equation 5: greatest activity of every neuron, its links, and the steps it took."""
-        y_a = np.zeros(len(w_c))
+    def _spread(self, known: Transitions, start: int) -> tuple[Array, int]:
+        """Equation 5: greatest activity of every neuron, and the wave steps it took."""
+        y_a = np.zeros(len(known.first) - 1)
         y_a[start] = 1.0
+        front: Indices = np.array([start])
         steps = 0
-        while self._max_steps is None or steps < self._max_steps:
-            source = np.where(y_a >= self._threshold, y_a, 0.0)
-            reached = np.maximum(y_a, (w_c * source).max(axis=1))
-            if np.array_equal(reached, y_a):
-                break
+        while front.size and (self._max_steps is None or steps < self._max_steps):
+            # only neurons whose activity has just risen have something new to pass on
+            edges = _edges_after(known, front)
+            reached = y_a.copy()
+            passed = known.w_c[edges] * y_a[known.past[edges]]
+            np.maximum.at(reached, known.present[edges], passed)
+            risen = np.flatnonzero(reached > y_a)
+            steps += bool(risen.size)
             y_a = reached
-            steps += 1
-        links = (w_c * y_a == y_a[:, None]) & (y_a[:, None] > 0.0)
-        links[start] = False
-        return y_a, links, steps
+            front = risen[y_a[risen] >= self._threshold]
+        return y_a, steps
 
 
-def _sequence(first: int, successor: NDArray[np.int64]) -> tuple[int, ...]:
+def _edges_after(known: Transitions, front: Indices) -> Indices:
+    """Places of all transitions that begin at some neurons."""
+    begin, counts = known.first[front], known.first[front + 1] - known.first[front]
+    ends = np.cumsum(counts)
+    places: Indices = np.arange(ends[-1]) + np.repeat(begin - ends + counts, counts)
+    return places
+
+
+def _run_back(
+    known: Transitions, y_a: Array, start: int
+) -> tuple[list[tuple[int, float]], dict[int, int]]:
+    """Equation 6: the direct successors of the start with their worth, and the best links."""
+    hangs = known.w_c * y_a[known.past] == y_a[known.present]
+    links = np.flatnonzero(hangs & (y_a[known.present] > 0.0) & (known.present != start))
+    # from the weakest neuron to the strongest: each is complete before it hands on
+    links = links[np.argsort(y_a[known.present[links]], kind="stable")]
+    earned = known.w_r[links] * y_a[known.present[links]]
+    y_b: dict[int, float] = {}
+    successor: dict[int, int] = {}
+    own = known.after(start)
+    # staying in the same situation by the same command is worth one step
+    weighed = [
+        (start, float(known.w_r[place] * known.w_c[place]))
+        for place in own.start + np.flatnonzero(known.present[own] == start)
+    ]
+    for j, i, r in zip(
+        known.past[links].tolist(), known.present[links].tolist(), earned.tolist(), strict=True
+    ):
+        value = r + y_b.get(i, 0.0)
+        if j == start:
+            weighed.append((i, value))
+        elif j not in successor or value > y_b[j]:
+            y_b[j], successor[j] = value, i
+    return weighed, successor
+
+
+def _sequence(first: int, successor: dict[int, int]) -> tuple[int, ...]:
     """A neuron and its best continuation; empty for none (-1)."""
-    neurons = []
-    while first >= 0:
-        neurons.append(first)
-        first = int(successor[first])
+    neurons: list[int] = []
+    following: int | None = first if first >= 0 else None
+    while following is not None:
+        neurons.append(following)
+        following = successor.get(following)
     return tuple(neurons)

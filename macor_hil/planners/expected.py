@@ -95,11 +95,12 @@ def pooled_outcomes(memory: SensorimotorMap) -> tuple[Array, Array]:
         outcome; both of shape (n, m, n), indexed [k, a, k'].
     """
     n, m = memory.nodes, memory.commands
-    # rows: k', a; columns: k, the command that led into k
-    z = memory.z.reshape(n, m, n, m)
-    earned = (memory.w_r * memory.z).reshape(n, m, n, m)
-    counts = z.sum(axis=3).transpose(2, 1, 0).astype(float)
+    past, present, z, w_r, *_ = memory.transitions()
+    # the command that led into the present situation of a plan does not matter
+    where = past // m, present % m, present // m
+    counts, sums = np.zeros((n, m, n)), np.zeros((n, m, n))
+    np.add.at(counts, where, z)
+    np.add.at(sums, where, z * w_r)
     total = counts.sum(axis=2, keepdims=True)
     chance = np.divide(counts, total, out=np.zeros_like(counts), where=total > 0)
-    sums = earned.sum(axis=3).transpose(2, 1, 0)
     return chance, np.divide(sums, counts, out=np.zeros_like(counts), where=counts > 0)

@@ -29,6 +29,7 @@ class QMap(SensorimotorMap):
     def __init__(self, nodes: int, commands: int, gamma: float = 0.9) -> None:
         super().__init__(nodes, commands)
         self.gamma = gamma
+        self._followers: dict[int, set[int]] = {}
 
     def learn(self, j: int, i: int, r: float) -> None:
         """Adapt the transition j -> i that earned r; what can follow i is known."""
@@ -41,11 +42,11 @@ class QMap(SensorimotorMap):
     def _adapt(self, j: int, i: int, target: float) -> None:
         # equation 2 with another target
         super().learn(j, i, target)
+        self._followers.setdefault(j, set()).add(i)
 
     def _best_after(self, i: int) -> float:
         """Equation 4: the best evaluation of a transition that has followed i."""
-        followed = self.z[:, i] > 0
-        return float(self.w_r[followed, i].max()) if followed.any() else 0.0
+        return max((self.evaluation(i, k) for k in self._followers.get(i, ())), default=0.0)
 
 
 class QLearning:
@@ -53,19 +54,18 @@ class QLearning:
 
     def plan(self, memory: Memory, now: Now) -> Plan:
         """Evaluate the commands that can follow the present neuron."""
-        transitions, start = memory.map, now.neuron
-        w_r, z = transitions.w_r[:, start], transitions.z[:, start]
-        best: list[float | None] = []
-        ends: list[int] = []
-        for a in range(transitions.commands):
-            outcomes = [i for i in range(a, transitions.size, transitions.commands) if z[i] > 0]
-            end = max(outcomes, key=lambda i: w_r[i], default=-1)
-            best.append(float(w_r[end]) if outcomes else None)
-            ends.append(end)
+        commands, transitions = memory.map.commands, memory.map.transitions()
+        own = transitions.after(now.neuron)
+        best: list[float | None] = [None] * commands
+        ends = [-1] * commands
+        for i, value in zip(
+            transitions.present[own].tolist(), transitions.w_r[own].tolist(), strict=True
+        ):
+            before = best[i % commands]
+            if before is None or value > before:
+                best[i % commands], ends[i % commands] = value, i
         command = best_command(tuple(best))
         sequence = () if command is None else (ends[command],)
         known = ((end, value) for end, value in zip(ends, best, strict=True) if value is not None)
-        hypotheses = ranked(
-            (Hypothesis((end,), value) for end, value in known), transitions.commands
-        )
+        hypotheses = ranked((Hypothesis((end,), value) for end, value in known), commands)
         return Plan(tuple(best), command, sequence, 0, hypotheses)

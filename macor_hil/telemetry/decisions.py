@@ -4,8 +4,6 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Final
 
-import numpy as np
-
 from macor_hil.agent import Step
 from macor_hil.brain import Brain
 from macor_hil.drive import COMMANDS
@@ -85,7 +83,7 @@ def learned_of(brain: Brain) -> Learned:
     """The payload of a map."""
     return Learned(
         situations=brain.art.size,
-        transitions=int(np.count_nonzero(brain.map.z)),
+        transitions=len(brain.map),
         commands=[Command(**asdict(command)) for command in COMMANDS],
         fields=Fields(
             sectors=brain.fields.sectors, width=brain.fields.width, channels=list(CHANNELS)
