@@ -230,7 +230,7 @@ def _training(path: Path, limit: int, kill_at: int | None) -> tuple[int, str]:
 
 def _kept(path: Path) -> int:
     brain, _ = load_map(checkpoint_path(path))
-    return 15 + int(brain.map.z.sum())
+    return 15 + int(brain.map.transitions().z.sum())
 
 
 def _killed_training(folder: str) -> tuple[str, ...]:
@@ -238,7 +238,7 @@ def _killed_training(folder: str) -> tuple[str, ...]:
     _training(path, 0, kill_at=50)
     lost = max(0, 50 - _kept(path))
     _training(path, 0, None)
-    whole = int(load_map(path)[0].map.z.sum())
+    whole = int(load_map(path)[0].map.transitions().z.sum())
     return "end of its command", "at once", str(lost), f"went on to all {whole} transitions"
 
 
@@ -247,7 +247,7 @@ def _full_disk(folder: str) -> tuple[str, ...]:
     driven, words = _training(path, 100, None)
     lost = max(0, driven - _kept(path))
     _training(path, 0, None)
-    whole = int(load_map(path)[0].map.z.sum())
+    whole = int(load_map(path)[0].map.transitions().z.sum())
     how = "ended with an error" if words else "ended without a word"
     return "at once", "when there is room", str(lost), f"{how}; then on to all {whole} transitions"
 
