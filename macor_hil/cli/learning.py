@@ -239,6 +239,6 @@ def learn(
     driven = take_in(brain, [read_recording(file)[1] for file in files])
     save_map(map_file, brain, {"recordings": [str(file) for file in files]})
     typer.echo(
-        f"{map_file}: {brain.art.size} situations, {np.count_nonzero(brain.map.z)} transitions"
+        f"{map_file}: {brain.art.size} situations, {len(brain.map)} transitions"
         f" from {driven} commands"
     )
