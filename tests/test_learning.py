@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from planning import square
 from typer.testing import CliRunner
 from watching_helpers import BEGIN, SECOND, a_life
 
@@ -71,11 +72,11 @@ def test_every_command_is_learned_with_what_it_earned(drive):
     events, steps = drive
     brain = Brain(Settings())
     assert learn(brain, [events]) == len(steps)
-    assert brain.map.z.sum() == len(steps)
-    present, _ = np.nonzero(brain.map.z)
-    by_command = brain.map.z.sum(axis=1).reshape(-1, len(COMMANDS)).sum(axis=0)
+    assert square(brain.map, "z").sum() == len(steps)
+    present, _ = np.nonzero(square(brain.map, "z"))
+    by_command = square(brain.map, "z").sum(axis=1).reshape(-1, len(COMMANDS)).sum(axis=0)
     assert by_command.tolist() == [CHOICES.count(k) for k in range(3)]
-    earned = {round(value, 2) for value in brain.map.w_r[brain.map.z > 0]}
+    earned = {round(value, 2) for value in square(brain.map, "w_r")[square(brain.map, "z") > 0]}
     assert earned == {0.54, 0.62}
     assert brain.fields.low != (0.0, 0.0, 0.0)
     assert len(present) > 0
@@ -86,7 +87,7 @@ def test_a_frame_that_did_not_arrive_breaks_the_chain_and_nothing_else(drive):
     brain = Brain(Settings())
     # without the frame between the third and the fourth command, both cannot be learned
     assert learn(brain, [events[:5] + events[6:]]) == len(steps) - 2
-    assert brain.map.z.sum() == len(steps) - 2
+    assert square(brain.map, "z").sum() == len(steps) - 2
 
 
 def test_what_holds_no_drive_cannot_be_learned_from():
@@ -102,5 +103,5 @@ def test_the_command_makes_a_map(drive, tmp_path):
     arguments = ["learn", str(file), "--map", str(map_file)]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert f"from {len(CHOICES)} commands" in result.stdout
-    assert load_map(map_file)[0].map.z.sum() == len(CHOICES)
+    assert square(load_map(map_file)[0].map, "z").sum() == len(CHOICES)
     assert "is there already" in str(CliRunner().invoke(app, arguments).exception)
