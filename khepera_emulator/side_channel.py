@@ -94,8 +94,10 @@ class SideChannel:
                 if key.leaf in answers:
                     replier = _Replier(session, robot, key, answers[key.leaf])
                     session.declare_queryable(replier.name, self._enqueue(replier))
+            # streams of one rate are due together: one wake-up for all of them
+            start = time.monotonic()
             self._streams = [
-                _Stream(session, robot_key(robot, leaf), rate, answer, request)
+                _Stream(start, session, robot_key(robot, leaf), rate, answer, request)
                 for leaf, rate, answer, request in (
                     ("camera", camera_rate, _camera, _JPEG_FRAME),
                     ("truth", TRUTH_RATE, _truth, b""),
@@ -193,13 +195,14 @@ class _Stream:
 
     def __init__(
         self,
+        start: float,
         session: zenoh.Session,
         key: str,
         rate: float,
         answer: Callable[[Emulator, bytes], "_Content | None"],
         request: bytes,
     ) -> None:
-        self.next = time.monotonic()
+        self.next = start
         self._session = session
         self._publisher = session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP
