@@ -46,7 +46,7 @@ $(READY): requirements.lock pyproject.toml
 # Every extra but that of the benchmarks, whose peer is heavy and optional.
 EXTRAS = import tomllib; \
 	extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; \
-	print(*(f"--extra={extra}" for extra in extras if extra != "benchmarks"))
+	print(*(f"--extra={extra}" for extra in extras if extra not in ("benchmarks", "peers")))
 
 # Pin the newest versions that pyproject.toml admits (needs uv, which is not installed otherwise).
 lock: $(READY)

@@ -17,6 +17,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 PACKAGES = ("protocol", "khepera_emulator", "macor_hil")
 
 NEEDS = {
+    "artlib": "peers",
+    "distributed": "cluster",
     "foxglove_schemas_protobuf": "recording",
     "gymnasium": "gymnasium",
     "joblib": "experiments",

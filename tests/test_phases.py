@@ -7,13 +7,14 @@ from controller_helpers import a_state
 from rich.console import Console
 
 from macor_hil.monitor.view import render
-from macor_hil.monitor.watched import Watched
+from macor_hil.monitor.watched import Controlled, Watched
 from macor_hil.telemetry.schemas import Phase
 
 
 @pytest.mark.parametrize("phase", list(Phase))
 def test_the_monitor_shows_every_phase(phase):
-    watched = Watched("khepera", alive=True, met=True, state=a_state(phase))
+    controlled = Controlled(alive=True, met=True, state=a_state(phase))
+    watched = Watched("khepera", controlled=controlled)
     said = StringIO()
     Console(file=said, width=100).print(render(watched, 0.0))
     assert phase.value in said.getvalue()
