@@ -16,7 +16,7 @@ _EXAMPLES = """[bold]Examples[/bold]
 Train a map on the emulated robot, in virtual time:
 [cyan]macor-hil train --map runs/corridor.npz[/cyan]
 
-Score both planners on it:
+Score all planners on it:
 [cyan]macor-hil trials --map runs/corridor.npz --trials 10[/cyan]
 
 Drive a robot live, and watch it from another terminal:

@@ -169,7 +169,7 @@ def demo(
         float, typer.Option(min=0.1, max=20.0, help="Time runs so many times faster.")
     ] = 1.0,
 ) -> None:
-    """Train a map if there is none, then drive the curve live with both planners.
+    """Train a map if there is none, then drive the curve live with each planner.
 
     Ends with a table and a picture; exit status 0 if the planning robot got round the curve and the
     reactive one did not, 1 otherwise.
