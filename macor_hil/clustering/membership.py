@@ -12,8 +12,8 @@ Array = NDArray[np.float64]
 
 WIDTH = 0.5
 """Distance at which a membership has fallen to 1/e of that of a node that holds the input, in the
-units of Fuzzy ART's distance: summed over all features. Between 0.35 and 0.5 the graded planner
-drove every arena in every training that was tried; see docs/graded.md."""
+units of Fuzzy ART's distance: summed over all features (a choice: 0.2 and 1.0 did worse in arenas
+never trained in)."""
 
 
 def memberships(distances: Array, nodes: int, width: float = WIDTH) -> Array:
