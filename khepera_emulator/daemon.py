@@ -68,6 +68,7 @@ class Daemon:
         self._clock = clock
         self._lines: list[_Line] = []
         self.add(emulator, port, follow_rate=follow_rate, channel=channel, log=log)
+        self._heard = False
         self._stopping = False
         self._stop = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
 
@@ -112,7 +113,9 @@ class Daemon:
         to a whole one, half a character at 9600.
         """
         readers = [self._stop]
-        delay = MOVING_PERIOD if self._emulator.moving else RESTING_PERIOD
+        # a robot that was talked to is hardly worth the question whether it moves
+        awake = self._heard or self._emulator.moving
+        delay = MOVING_PERIOD if awake else RESTING_PERIOD
         now = self._clock.now
         for line in self._lines:
             readers += line.descriptors()
@@ -125,8 +128,9 @@ class Daemon:
             line.look(ready)
         # the time is read after the bytes: none sets out before it was written
         now = self._time()
+        self._heard = False
         for line in self._lines:
-            line.take(now)
+            self._heard |= line.take(now)
         self._emulator.advance(now)
         for line in self._lines:
             line.hand_over()
@@ -170,7 +174,7 @@ class _Line:
         self._channel = channel
         self._log = channel.listening(log) if channel else log
         self._chunks: list[bytes] = []
-        self._watched: list[int] = []
+        self._watched: tuple[int, ...] = ()
         self._room = _TAKE
         self._look_again = False
         # a line that takes no time has no rate that a client's could differ from
@@ -178,11 +182,11 @@ class _Line:
         if self._log:
             emulator.uart.faults.listeners.append(self._log.fault)
 
-    def descriptors(self) -> list[int]:
+    def descriptors(self) -> tuple[int, ...]:
         """What becomes readable when a client or a query comes."""
         self._room = self._emulator.uart.room(self._emulator.now, _TAKE)
         self._watched = self._port.descriptors(room=self._room > 0)
-        return [*self._watched, self._channel.fileno()] if self._channel else self._watched
+        return (*self._watched, self._channel.fileno()) if self._channel else self._watched
 
     def delay(self, now: float, speed: float) -> float:
         """Real seconds until something is due, at most `RESTING_PERIOD`; may be negative."""
@@ -210,11 +214,11 @@ class _Line:
             self._look_again = False
             self._chunks = self._port.receive(self._room)
 
-    def take(self, now: float) -> None:
-        """Put on the line, now, what the client has done."""
+    def take(self, now: float) -> bool:
+        """Put on the line, now, what the client has done; tells whether that is anything."""
         chunks, self._chunks = self._chunks, []
         if not chunks:
-            return
+            return False
         emulator, uart, log = self._emulator, self._emulator.uart, self._log
         if uart.faults:
             emulator.advance(now)  # what happens to a byte may hang on what was said before it
@@ -232,6 +236,7 @@ class _Line:
             if log:
                 log.request(now, fitting)
             uart.receive(fitting, now)
+        return True
 
     def _set(self, now: float, settings: LineFormat | None) -> None:
         uart = self._emulator.uart

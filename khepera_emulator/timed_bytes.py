@@ -11,14 +11,14 @@ class TimedBytes:
 
     Bytes that follow each other on a wire come at equal distances: they are kept as runs. With
     times on a grid of a power of two (see `clock.GRID`) that is exact.
+
+    Attributes:
+        data: the bytes, to look at.
     """
 
     def __init__(self) -> None:
-        self._data = bytearray()
+        self.data = bytearray()
         self._runs: deque[tuple[float, float, int]] = deque()
-
-    def __len__(self) -> int:
-        return len(self._data)
 
     def add(self, data: bytes, start: float, each: float) -> float:
         """Append bytes that set out one after the other; returns when the last one is there.
@@ -29,14 +29,14 @@ class TimedBytes:
             each: seconds that every byte takes.
         """
         if data:
-            self._data += data
+            self.data += data
             self._runs.append((start, each, len(data)))
         return start + each * len(data)
 
     def add_each(self, items: Iterable[tuple[float, int]]) -> None:
         """Append bytes with a time of its own for each."""
         for when, byte in items:
-            self._data.append(byte)
+            self.data.append(byte)
             self._runs.append((when, 0.0, 1))
 
     def arrived(self, now: float) -> int:
@@ -58,28 +58,20 @@ class TimedBytes:
             count -= length
         raise IndexError("not so many bytes are on their way")
 
-    def find(self, text: bytes) -> int:
-        """Where a text begins; -1 if it is not there."""
-        return self._data.find(text)
-
     def line(self, count: int) -> int:
         """How many of the first `count` bytes are up to the end of the first request, or all."""
-        end = REQUEST_END.search(self._data, 0, count)
+        end = REQUEST_END.search(self.data, 0, count)
         return end.end() if end else count
 
     def line_due(self) -> float | None:
         """When the end of the first request is there; None if it is not on its way."""
-        end = REQUEST_END.search(self._data)
+        end = REQUEST_END.search(self.data)
         return self.due(end.end()) if end else None
-
-    def first(self, count: int) -> bytes:
-        """The first `count` bytes, which stay where they are."""
-        return bytes(self._data[:count])
 
     def take(self, count: int) -> bytes:
         """Remove the first `count` bytes, or all if there are fewer."""
-        data = bytes(self._data[:count])
-        del self._data[:count]
+        data = bytes(self.data[:count])
+        del self.data[:count]
         left = len(data)
         runs = self._runs
         while left:
@@ -92,7 +84,7 @@ class TimedBytes:
 
     def keep(self, count: int) -> None:
         """Drop all behind the first `count` bytes."""
-        del self._data[count:]
+        del self.data[count:]
         runs, self._runs = self._runs, deque()
         for start, each, length in runs:
             if count > 0:
@@ -101,5 +93,5 @@ class TimedBytes:
 
     def clear(self) -> None:
         """Drop all."""
-        self._data.clear()
+        self.data.clear()
         self._runs.clear()

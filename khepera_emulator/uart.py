@@ -106,7 +106,7 @@ class Uart:
         """
         if self.faults:
             return self._disturbed(until)
-        if not (self._receiving or self._held):
+        if not (self._receiving.data or self._held):
             return ()  # a silent line, as it is most of the time
         return self._carried_out(until)
 
@@ -118,9 +118,9 @@ class Uart:
 
     def _carried_out(self, until: float) -> Iterator[tuple[float, bytes]]:
         receiving, held = self._receiving, self._held
-        while receiving or held:
+        while receiving.data or held:
             free = self._interpreter_free
-            if receiving:
+            if receiving.data:
                 # what arrives while the interpreter is busy waits in the receive buffer
                 self._hold(receiving.arrived(min(until, free - GRID)))
             if held and free <= until:
@@ -185,7 +185,7 @@ class Uart:
 
     def waiting(self, count: int) -> bytes:
         """The first `count` of the queued bytes, which stay where they are."""
-        return self._sending.first(count)
+        return bytes(self._sending.data[:count])
 
     def take(self, count: int) -> None:
         """Remove the first `count` of the queued bytes: the client has them."""
@@ -193,11 +193,11 @@ class Uart:
 
     def queued(self) -> int:
         """How many bytes of replies have reached the client or are on their way to it."""
-        return len(self._sending)
+        return len(self._sending.data)
 
     def find(self, text: bytes) -> int:
         """Where a text begins among the queued bytes; -1 if it is not there."""
-        return self._sending.find(text)
+        return self._sending.data.find(text)
 
     def due(self, count: int) -> float:
         """When the first `count` queued bytes have reached the client."""
@@ -208,7 +208,7 @@ class Uart:
         request = None
         if self._held:
             request = self._interpreter_free
-        elif self._receiving:
+        elif self._receiving.data:
             request = self._receiving.line_due()
         moment = self.faults.next_moment() if self.faults else None
         if request is None or moment is None:
@@ -221,19 +221,19 @@ class Uart:
 
     def arriving(self) -> int:
         """How many bytes of the client are still on their way to the robot."""
-        return len(self._receiving)
+        return len(self._receiving.data)
 
     def room(self, now: float, most: int) -> int:
         """How many bytes may follow those that are arriving, if these shall be so many at most."""
         # garbled or lost bytes take their time on the line, too
         if self._receiver_free - now > most * self._each:
             return 0
-        return max(0, most - len(self._receiving))
+        return max(0, most - len(self._receiving.data))
 
     def hang_up(self) -> None:
         """The client leaves: its requests are carried out, but nobody hears the replies."""
         self.clear_replies()
-        self._orphans = len(self._held) + len(self._receiving)
+        self._orphans = len(self._held) + len(self._receiving.data)
 
     def clear_replies(self) -> None:
         """Drop what has not reached the client."""
@@ -251,7 +251,7 @@ class Uart:
 
     def _say(self, data: bytes, start: float) -> None:
         """Queue bytes for the client, to begin at a time if the line is free."""
-        if len(self._sending) + len(data) > SEND_LIMIT:
+        if len(self._sending.data) + len(data) > SEND_LIMIT:
             self.lost += len(data)
             return
         start = max(self._sender_free, start)

@@ -76,6 +76,10 @@ class TestBytes:
             assert port.dropped > 50_000
             kept = len(unread(terminal))
             assert kept + port.dropped == 100_000
+            # whoever comes next flushes its input, and that reaches no further
+            assert kept <= 4095
+            port.write(b"fresh")
+            assert unread(terminal) == b"fresh"
 
     def test_that_nobody_listens_to_are_lost(self, port):
         for before in (b"", b"N\n"):
@@ -141,6 +145,18 @@ class TestClients:
             assert received(port) == [b"O\nE\n", b"", b"B\n"]
             assert unread(second) == b""
         assert received(port) == [b""]
+
+    def test_that_read_already_are_not_left_with_half_a_line(self, port):
+        with client(port) as first:
+            os.write(first, b"N\n")
+            assert received(port) == [b"N\n"]
+            port.write(b"n,1\r\nn,2\r\n")
+        with client(port) as second:
+            os.write(second, b"B\n")
+            assert os.read(second, 2) == b"n,"
+            assert received(port) == [b"", b"B\n"]
+            port.write(b"b\r\n")
+            assert unread(second) == b"1\r\nn,2\r\nb\r\n"
 
     def test_that_write_while_somebody_looks_have_written_it(self, port, monkeypatch):
         with client(port) as first:
@@ -253,7 +269,7 @@ class TestClientsThatComeJustThen:
         events = port._terminal.events
         early, leaving = [CLOSED_WRITABLE], [first]
         monkeypatch.setattr(
-            port._terminal, "events", lambda: events() + [early.pop() for _ in early[:1]]
+            port._terminal, "events", lambda: (*events(), *(early.pop() for _ in early[:1]))
         )
 
         def leave_and_come():

@@ -18,7 +18,7 @@ class Port(Protocol):
     def url(self) -> str:
         """What a pySerial client opens."""
 
-    def descriptors(self, *, room: bool) -> list[int]:
+    def descriptors(self, *, room: bool) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave.
 
         Args:

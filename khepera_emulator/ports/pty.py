@@ -16,7 +16,14 @@ from typing import Final
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.terminal import Terminal
-from khepera_emulator.ports.watch import CLOSED_READABLE, CLOSED_WRITABLE, OPENED, WRITTEN
+from khepera_emulator.ports.watch import (
+    CLOSED_READABLE,
+    CLOSED_WRITABLE,
+    COMINGS,
+    OPENED,
+    READ,
+    WRITTEN,
+)
 
 _CLOSED: Final = (CLOSED_READABLE, CLOSED_WRITABLE)
 _LOOKS: Final = 4
@@ -34,10 +41,12 @@ class _Change:
     Attributes:
         left_bytes: the one that left may have written something that was not taken yet.
         new_bytes: the one that came has written.
+        reads: the one that came has read.
     """
 
     left_bytes: bool
     new_bytes: bool = False
+    reads: bool = False
 
     def divide(self, data: bytes) -> int:
         """Where the newcomer's bytes begin; nothing in them tells."""
@@ -74,7 +83,7 @@ class PtyPort:
         """What a pySerial client opens: the terminal's path."""
         return self._terminal.path
 
-    def descriptors(self, *, room: bool) -> list[int]:
+    def descriptors(self, *, room: bool) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave."""
         return self._terminal.descriptors(room=room)
 
@@ -103,13 +112,14 @@ class PtyPort:
         except EOFError:
             self._forget_client()
             return [b""]
-        if not self._terminal.held and all(event == WRITTEN for event in events):
+        if not self._terminal.held and not any(event in COMINGS for event in events):
             return [data] if data else []
         change = self._count(events)
         if data or WRITTEN in events:
             self._terminal.let_go()
         elif self._terminal.held and events and not self._clients:
-            self._terminal.hold()  # who has looked in may have been told something
+            self._terminal.hold()
+            self._terminal.drop_unread()  # who has looked in may have been told something
         if not self._terminal.held and not self._clients:
             if any(event in _CLOSED for event in events):
                 change = self._settle() or change
@@ -131,7 +141,7 @@ class PtyPort:
         if self._clients or not self._terminal.held:
             self.dropped += len(data) - self._terminal.write(data)
 
-    def _look(self, limit: int) -> tuple[bytes, list[int]]:
+    def _look(self, limit: int) -> tuple[bytes, tuple[int, ...]]:
         """What was written, and the events up to it; neither is ahead of the other.
 
         Raises:
@@ -153,27 +163,29 @@ class PtyPort:
         self._kept_back = True
         return data, events
 
-    def _count(self, events: list[int]) -> _Change | None:
+    def _count(self, events: tuple[int, ...]) -> _Change | None:
         """Keep count of clients; tells if one has followed another one.
 
         Events that came as one make the count wrong, until the last client leaves.
         """
         change = None
         before = not self._terminal.held  # otherwise nobody has asked for anything
-        written = False
+        written = read = False
         for event in events:
             if event == OPENED:
                 if before and self._clients == 0:
                     change = _Change(left_bytes=written)
-                    written = False
+                    written = read = False
                 self._clients += 1
             elif event == WRITTEN:
                 written = True
+            elif event == READ:
+                read = True
             elif event in _CLOSED:
                 before = before or written
                 self._clients = max(0, self._clients - 1)
         if change:
-            change.new_bytes = written
+            change.new_bytes, change.reads = written, read
         return change
 
     def _settle(self) -> _Change | None:
@@ -220,7 +232,9 @@ class PtyPort:
                 later.left_bytes = True
                 change = later
             change.new_bytes = change.new_bytes or WRITTEN in events
-        self._flush()
+            change.reads = change.reads or READ in events
+        if not change.reads:  # otherwise it would find the rest of a line
+            self._flush()
         cut = change.divide(data)
         return [*filter(None, (data[:cut],)), b"", *filter(None, (data[cut:],))]
 
@@ -228,13 +242,15 @@ class PtyPort:
         """Take away what the client before was told and has not read."""
         with suppress(EmulatorError):  # the new client keeps us out: it may find stale bytes
             self._terminal.hold()
+            self._terminal.drop_unread()
         self._terminal.let_go()
 
     def _forget_client(self) -> None:
         """Nobody has the terminal open: what was said and not read is lost."""
         self._terminal.hold()
+        self._terminal.drop_unread()
         self._clients = 0
         events = self._terminal.events()
         while any(event in _CLOSED for event in events):
-            del events[0]  # up to the last closing all was done by those who have left
+            events = events[1:]  # up to the last closing all was done by those who have left
         self._terminal.put_back(events)

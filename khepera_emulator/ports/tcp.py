@@ -69,12 +69,11 @@ class TcpPort:
             newcomer.connection.close()
         self._listener.close()
 
-    def descriptors(self, *, room: bool) -> list[int]:
+    def descriptors(self, *, room: bool) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave."""
-        wanted = [self._listener.fileno()]
         if self._client and room:
-            wanted.append(self._client.fileno())
-        return wanted
+            return self._listener.fileno(), self._client.fileno()
+        return (self._listener.fileno(),)
 
     def settings(self) -> LineFormat | None:
         """Nothing: a bare connection has no rate."""

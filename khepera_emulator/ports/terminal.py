@@ -18,7 +18,7 @@ from typing import Final
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
-from khepera_emulator.ports.watch import CLOSED_READABLE, OPENED, WRITTEN, Watch
+from khepera_emulator.ports.watch import CLOSED_READABLE, COMINGS, OPENED, READ, Watch
 
 FIRST_RATE: Final = 9600
 """Bits a second that the line shows until a client sets another rate: a Khepera's mode 1."""
@@ -30,6 +30,9 @@ _RATES: Final = {
 }
 _ALL: Final = 1 << 17
 """Bytes: more than the kernel keeps for one direction."""
+
+UNREAD_LIMIT: Final = 4095
+"""Bytes that a client may leave unread: what a terminal's input queue holds."""
 
 _CFLAG, _ISPEED, _OSPEED = 2, 4, 5
 _TCGETS2: Final = 0x802C542A
@@ -64,14 +67,17 @@ class Terminal:
             termios.tcsetattr(slave, termios.TCSANOW, settings)
             self.path = os.ttyname(slave)
             self._slave: int | None = None
+            self.held = False
             self._watch = Watch(self.path)
             stack.callback(self._watch.close)
-            self._early: list[int] = []
+            self._early: tuple[int, ...] = ()
+            self._unread = 0
             self._bytes = select.poll()
             self._bytes.register(self._master, select.POLLIN)
             self._news = select.poll()
             self._news.register(self._master, 0)  # hang-ups alone
             self._news.register(self._watch.fileno(), select.POLLIN)
+            self._descriptors = (self._watch.fileno(), self._master)
             self.hold()
             stack.pop_all()
         os.close(slave)
@@ -84,10 +90,9 @@ class Terminal:
             os.close(self._slave)
         os.close(self._master)
 
-    def descriptors(self, *, room: bool) -> list[int]:
+    def descriptors(self, *, room: bool) -> tuple[int, ...]:
         """Descriptors that become readable when clients come or leave, and when they write."""
-        watch = self._watch.fileno()
-        return [watch, self._master] if room else [watch]
+        return self._descriptors if room else self._descriptors[:1]
 
     def settings(self) -> LineFormat | None:
         """What a client has set; None for a rate of zero."""
@@ -133,20 +138,32 @@ class Terminal:
         return bool(self._bytes.poll(0))
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to those who read; returns how many there was room for."""
+        """Hand bytes to those who read; returns how many there was room for.
+
+        What nobody reads is kept up to a limit, although the kernel would keep more: clients flush
+        their input when they come, and that does not reach the rest.
+        """
+        if READ in self._early:
+            self._unread = 0
+        if self._unread + len(data) > UNREAD_LIMIT:
+            return 0
         try:
-            return os.write(self._master, data)
+            taken = os.write(self._master, data)
         except BlockingIOError:
             return 0
+        self._unread += taken
+        return taken
 
-    def events(self) -> list[int]:
+    def events(self) -> tuple[int, ...]:
         """What clients have done since the last call, as `Watch.take` tells it."""
         events = self._watch.take()
         if self._early:
-            events, self._early = self._early + events, []
+            events, self._early = self._early + events, ()
+        if READ in events:
+            self._unread = 0
         return events
 
-    def put_back(self, events: list[int]) -> None:
+    def put_back(self, events: tuple[int, ...]) -> None:
         """Events that the next call of `events` shall give first."""
         self._early = events + self._early
 
@@ -160,19 +177,15 @@ class Terminal:
     def changed(self) -> bool:
         """Whether clients have come or left since the last call of `events`."""
         happened = self._news.poll(0)
-        if happened and any(descriptor == self._master for descriptor, _ in happened):
+        if not happened and not self._early:
+            return False
+        if any(descriptor == self._master for descriptor, _ in happened):
             return True
-        if happened:
-            self._early += self._watch.take()
-        return any(event != WRITTEN for event in self._early)
-
-    @property
-    def held(self) -> bool:
-        """Whether it is held open here."""
-        return self._slave is not None
+        self._early += self._watch.take()
+        return any(event in COMINGS for event in self._early)
 
     def hold(self) -> None:
-        """Open the terminal, so that there is no hang-up, and drop what clients have not read.
+        """Open the terminal, so that there is no hang-up.
 
         Raises:
             EmulatorError: a client has barred everybody else from it for ever.
@@ -186,8 +199,15 @@ class Terminal:
                     f"a client has taken {self.path} for itself for ever (TIOCEXCL):"
                     f" {error.strerror}; start the emulator again"
                 ) from None
+            self.held = True
         self._admit_all()
-        termios.tcflush(self._slave, termios.TCIFLUSH)
+
+    def drop_unread(self) -> None:
+        """Drop what clients were told and have not read; only while it is held."""
+        if self._slave is not None:
+            termios.tcflush(self._master, termios.TCOFLUSH)  # on its way to the queue
+            termios.tcflush(self._slave, termios.TCIFLUSH)
+            self._unread = 0
 
     def let_go(self) -> None:
         """Close the terminal, because a client has it open: its leaving shall be noticed."""
@@ -196,6 +216,7 @@ class Terminal:
             with self._own(CLOSED_READABLE):
                 os.close(self._slave)
             self._slave = None
+            self.held = False
 
     def _admit_all(self) -> None:
         """Let everybody open it, even if a client has taken it for itself.
@@ -212,7 +233,7 @@ class Terminal:
         try:
             yield
         finally:
-            after = self._watch.take()
+            after = [*self._watch.take()]
             with suppress(ValueError):
                 after.remove(event)
-            self._early += before + after
+            self._early += (*before, *after)

@@ -1,4 +1,4 @@
-"""Who opens, writes and closes a file: a small part of Linux's inotify."""
+"""Who opens, reads, writes and closes a file: a small part of Linux's inotify."""
 
 import ctypes
 import os
@@ -7,14 +7,18 @@ from typing import Final
 
 from khepera_emulator.errors import EmulatorError
 
+READ: Final = 0x01
 WRITTEN: Final = 0x02
 CLOSED_WRITABLE: Final = 0x08
 CLOSED_READABLE: Final = 0x10
 OPENED: Final = 0x20
+COMINGS: Final = (OPENED, CLOSED_WRITABLE, CLOSED_READABLE)
+"""Events of coming and leaving."""
 
-_WANTED = WRITTEN | CLOSED_WRITABLE | CLOSED_READABLE | OPENED
+_WANTED = READ | WRITTEN | CLOSED_WRITABLE | CLOSED_READABLE | OPENED
 _EVENT = struct.Struct("iIII")
 _BUFFER = 4096
+_EXCHANGE: Final = (READ, WRITTEN)
 
 
 class Watch:
@@ -32,9 +36,11 @@ class Watch:
             raise EmulatorError("a pseudo-terminal needs inotify, which only Linux has") from None
         if self._fd < 0:
             raise _failure(path)
-        if libc.inotify_add_watch(self._fd, os.fsencode(path), _WANTED) < 0:
+        number = libc.inotify_add_watch(self._fd, os.fsencode(path), _WANTED)
+        if number < 0:
             self.close()
             raise _failure(path)
+        self._exchange = b"".join(_EVENT.pack(number, event, 0, 0) for event in _EXCHANGE)
 
     def fileno(self) -> int:
         """Descriptor that becomes readable with an event."""
@@ -44,7 +50,7 @@ class Watch:
         """Stop watching."""
         os.close(self._fd)
 
-    def take(self) -> list[int]:
+    def take(self) -> tuple[int, ...]:
         """What has happened since the last call, in order.
 
         Equal events in a row come as one.
@@ -52,9 +58,12 @@ class Watch:
         try:
             events = os.read(self._fd, _BUFFER)
         except BlockingIOError:
-            return []
+            return ()
+        # by far the most frequent: a client has read a reply and written a request
+        if events == self._exchange:
+            return _EXCHANGE
         # events of a watched file carry no name: all are of one size
-        return [mask for _, mask, _, _ in _EVENT.iter_unpack(events)]
+        return tuple(mask for _, mask, _, _ in _EVENT.iter_unpack(events))
 
 
 def _failure(path: str) -> EmulatorError:
