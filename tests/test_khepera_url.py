@@ -133,11 +133,19 @@ def test_a_seeded_reset_begins_faults_anew():
         assert b"tick\n" in seen[0]
 
 
-def test_an_unpaced_line_takes_no_time():
+def test_bytes_take_no_time_on_an_unpaced_line_and_writes_a_millisecond():
     with open_port("khepera://corridor?baud=unpaced") as port:
         for _ in range(100):
             assert ask(port, b"B") == b"b,5.01,5.00\r\n"
-        assert port.now == 0.0
+        assert port.now == pytest.approx(0.1, abs=1e-6)
+
+
+def test_a_program_that_asks_until_it_is_there_gets_there_on_an_unpaced_line():
+    with open_port("khepera://open-box?baud=unpaced&drift=none") as port:
+        assert ask(port, b"C,500,500") == b"c\r\n"
+        while not ask(port, b"K").startswith(b"k,1,"):
+            assert port.now < 60.0
+        assert abs(int(ask(port, b"H").split(b",")[1]) - 500) <= 5
 
 
 READERS = {

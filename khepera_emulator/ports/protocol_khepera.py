@@ -12,8 +12,9 @@ Options after `?`, joined with `&`:
     seed=N         of all randomness (0)
     model=NAME     khepera or khepera2 (khepera)
     drift=SPEC     none, default, strong, or items such as scale=0.01,slip=0.05 (default)
-    baud=unpaced   a line that takes no time; a number fixes the robot's rate: with other
-                   settings the client reads and sends garbage (the client's rate)
+    baud=unpaced   bytes take no time, and every write a millisecond: so a program that asks
+                   until something has happened gets there; a number fixes the robot's rate:
+                   with other settings the client reads and sends garbage (the client's rate)
     fault=SPEC     something that goes wrong on the line, see `khepera_emulator.faults`; repeatable
     turret=NAME    gripper, k213, radio or general-io; repeatable
     firmware=NAME  a choice of `khepera_emulator.choices`, such as reject-beyond or
@@ -37,6 +38,10 @@ _OPTIONS = ("seed", "model", "drift", "baud", *_REPEATABLE)
 _DIGITS = 18
 _POLL_TIME = 1e-4
 """Seconds that asking for bytes takes when there are none, and nobody waits."""
+
+_WRITE_TIME = on_grid(1e-3)
+"""Seconds that a write takes on a line without wire time: otherwise time would stand still for a
+program that asks and waits for the answer, and asks again."""
 
 
 class Serial(SerialBase):
@@ -169,7 +174,10 @@ class Serial(SerialBase):
     def write(self, b: Any, /) -> int:
         """Put bytes on the line; the robot receives them as time passes."""
         data = bytes(b)
-        self._open_emulator().write(data)
+        emulator = self._open_emulator()
+        if emulator.uart.baud is None:
+            emulator.advance(emulator.now + _WRITE_TIME)
+        emulator.write(data)
         return len(data)
 
     def flush(self) -> None:
