@@ -26,7 +26,7 @@ from khepera_emulator.places import Gap, check_room, pose_of, random_pose
 from khepera_emulator.renderers.view import Image
 from khepera_emulator.robot import Robot
 from khepera_emulator.turrets import Equipment
-from khepera_emulator.uart import Uart
+from khepera_emulator.uart import Uart, on_grid
 from protocol.mirror import Mirror
 from protocol.side_channel import Outline, Pose, Reset, Truth
 
@@ -147,7 +147,11 @@ class Emulator:
 
     def advance(self, until: float) -> None:
         """Let time pass: drive, carry out the requests that arrive, answer them."""
-        self._fleet.advance(until)
+        self._fleet.advance(max(on_grid(until), self.now))
+
+    def reach(self, moment: float) -> None:
+        """Let time pass to a moment of the line, which is on the grid; see `advance`."""
+        self._fleet.advance(moment if moment > self.now else self.now)
 
     def execute(self, line: bytes, moment: float) -> None:
         """Carry out a request that has arrived at a moment; the reply goes on the line."""

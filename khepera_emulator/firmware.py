@@ -48,21 +48,23 @@ class Firmware:
         self._robot = robot
         self._on_rate = on_rate
         self._choices = robot.equipment.choices
+        self._strict = self._choices.reject_beyond
+        self._lenient = not self._choices.count_arguments
         self._loading = False
-        self._commands: dict[str, Callable[[tuple[int, ...]], tuple[int, ...]]] = {
+        self._commands: dict[str, Callable[..., tuple[int, ...]]] = {
             "A": self._configure_speed,
             "C": self._set_position,
             "D": self._set_speed,
-            "E": lambda _: tuple(wheel.measured for wheel in self._robot.wheels),
+            "E": self._read_speeds,
             "F": self._configure_position,
             "G": self._set_counters,
-            "H": lambda _: tuple(wheel.counter for wheel in self._robot.wheels),
+            "H": self._read_counters,
             "I": self._read_analogue,
             "J": self._configure_profile,
             "K": self._motion_status,
             "L": self._change_led,
-            "N": lambda _: self._robot.proximity(),
-            "O": lambda _: self._robot.ambient(),
+            "N": self._robot.proximity,
+            "O": self._robot.ambient,
             "P": self._set_duty,
             "R": self._read_bus,
             "W": self._write_bus,
@@ -85,13 +87,8 @@ class Firmware:
                 self._loading = said != LOADER_DONE
                 return encode_line(said) if said else b""
             self._loading = False  # as nothing but power-on could end it on the robot (a choice)
-        choices = self._choices
         try:
-            request = parse_request(
-                line,
-                reject_beyond=choices.reject_beyond,
-                ignore_extra=not choices.count_arguments,
-            )
+            request = parse_request(line, self._strict, self._lenient)
             if isinstance(request, ToolCall):
                 return self._run_tool(request)
             return self._answer(request)
@@ -106,12 +103,13 @@ class Firmware:
         return text
 
     def _answer(self, request: Request) -> bytes:
-        letter = request.letter.lower()
-        if request.letter == "B":
-            return Reply(letter, text=self._versions()).encode()
-        if request.letter == "T":
-            return self._pass_on(request).encode()
-        return Reply(letter, self._commands[request.letter](request.arguments)).encode()
+        letter, arguments, _ = request
+        command = self._commands.get(letter)
+        if command is not None:
+            return Reply(letter.lower(), command(*arguments)).encode()
+        if letter == "B":
+            return Reply("b", text=self._versions()).encode()
+        return self._pass_on(request).encode()
 
     def _versions(self) -> tuple[str, str]:
         bios, protocol = self._robot.model.versions
@@ -128,44 +126,52 @@ class Firmware:
         values = turret.answer(message.letter, arguments, self._robot.time)
         return Reply("t", (number,), (message.letter.lower(), *map(str, values)))
 
-    def _configure_speed(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+    def _configure_speed(self, *arguments: int) -> tuple[int, ...]:
         for wheel in self._robot.wheels:
             wheel.speed_gains = Gains(*arguments)
         return ()
 
-    def _configure_position(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+    def _configure_position(self, *arguments: int) -> tuple[int, ...]:
         for wheel in self._robot.wheels:
             wheel.position_gains = Gains(*arguments)
         return ()
 
-    def _configure_profile(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+    def _configure_profile(self, *arguments: int) -> tuple[int, ...]:
         left, right = self._robot.wheels
         left.profile, right.profile = Profile(*arguments[:2]), Profile(*arguments[2:])
         return ()
 
-    def _set_position(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+    def _set_position(self, *arguments: int) -> tuple[int, ...]:
         for wheel, target in zip(self._robot.wheels, arguments, strict=True):
             wheel.drive_position(target)
         return ()
 
-    def _set_speed(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+    def _set_speed(self, *arguments: int) -> tuple[int, ...]:
         for wheel, speed in zip(self._robot.wheels, arguments, strict=True):
             wheel.drive_speed(speed)
         return ()
 
-    def _set_duty(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+    def _set_duty(self, *arguments: int) -> tuple[int, ...]:
         for wheel, duty in zip(self._robot.wheels, arguments, strict=True):
             wheel.drive_duty(duty)
         return ()
 
-    def _set_counters(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
+    def _set_counters(self, *arguments: int) -> tuple[int, ...]:
         for wheel, value in zip(self._robot.wheels, arguments, strict=True):
             if self._choices.counters_carry_target:
                 wheel.target += value - wheel.counter
             wheel.counter = value
         return ()
 
-    def _motion_status(self, _: tuple[int, ...]) -> tuple[int, ...]:
+    def _read_speeds(self) -> tuple[int, ...]:
+        left, right = self._robot.wheels
+        return left.measured, right.measured
+
+    def _read_counters(self) -> tuple[int, ...]:
+        left, right = self._robot.wheels
+        return left.counter, right.counter
+
+    def _motion_status(self) -> tuple[int, ...]:
         left, right = self._robot.wheels
         return (*self._wheel_status(left), *self._wheel_status(right))
 
@@ -178,24 +184,20 @@ class Firmware:
             speed_mode = choices.speed_mode_once_reached and reached
         return int(reached), int(speed_mode), wheel.error
 
-    def _read_analogue(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
-        (channel,) = arguments
+    def _read_analogue(self, channel: int) -> tuple[int, ...]:
         counts = self._robot.turrets.analogue(channel)
         return (self._robot.panel.analogue[channel] if counts is None else counts,)
 
-    def _read_bus(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
-        (address,) = arguments
+    def _read_bus(self, address: int) -> tuple[int, ...]:
         byte = self._robot.turrets.read_bus(address)
         return (self._robot.panel.inputs.get(address, _OPEN_BUS) if byte is None else byte,)
 
-    def _change_led(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
-        led, action = arguments
+    def _change_led(self, led: int, action: int) -> tuple[int, ...]:
         leds = self._robot.panel.leds
         leds[led] = not leds[led] if action > _LED_ON else action != _LED_OFF
         return ()
 
-    def _write_bus(self, arguments: tuple[int, ...]) -> tuple[int, ...]:
-        data, address = arguments
+    def _write_bus(self, data: int, address: int) -> tuple[int, ...]:
         self._robot.panel.outputs[address] = data
         self._robot.turrets.write_bus(address, data)
         return ()

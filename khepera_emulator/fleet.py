@@ -11,7 +11,7 @@ from khepera_emulator.places import Gap
 from khepera_emulator.robot import Robot
 from khepera_emulator.solids import Disc, Footprint, footprint
 from khepera_emulator.turrets import RadioMedium
-from khepera_emulator.uart import Uart, on_grid
+from khepera_emulator.uart import Uart
 from khepera_emulator.world import World
 from protocol.side_channel import Pose
 from protocol.units import CONTROL_PERIOD
@@ -91,22 +91,27 @@ class Fleet:
         self._crew = Crew(self.world, [member.robot for member in self.members])
 
     def advance(self, until: float) -> None:
-        """Let time pass: drive, carry out the requests that arrive, answer them."""
-        until = max(on_grid(until), self.now)
-        if len(self.members) == 1:
-            (member,) = self.members
+        """Let time pass: drive, carry out the requests that arrive, answer them.
+
+        Args:
+            until: seconds on the grid of `uart.GRID`, not before `now`.
+        """
+        members = self.members
+        if len(members) == 1:
+            (member,) = members
             for moment, line in member.uart.requests(until):
                 self._drive(moment)
                 member.execute(line, moment)
+            member.now = until
         else:
-            lines = [_numbered(k, each, until) for k, each in enumerate(self.members)]
+            lines = [_numbered(k, each, until) for k, each in enumerate(members)]
             for moment, number, line in merge(*lines):
                 self._drive(moment)
-                self.members[number].execute(line, moment)
+                members[number].execute(line, moment)
+            for member in members:
+                member.now = until
         self._drive(until)
         self.now = until
-        for each in self.members:
-            each.now = until
 
     def gap(self, own: Footprint | None = None) -> Gap:
         """Distances from a robot's body to the nearest thing, as everything stands now."""

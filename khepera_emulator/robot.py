@@ -75,6 +75,7 @@ class Robot:
         self._start_scan()
         self._free = self._counts = (0.0, 0.0)
         self.turrets = mount(self.equipment, self._site(world), turrets)
+        self._carries = bool(self.turrets)
         self.power_on()
 
     def power_on(self) -> None:
@@ -128,7 +129,7 @@ class Robot:
         if ticks // _SCAN_TICKS > self.ticks // _SCAN_TICKS:
             self._start_scan()
         self.ticks = ticks
-        if self.turrets:
+        if self._carries:
             self.turrets.step(self.time)
 
     def aim(self) -> None:
@@ -148,7 +149,7 @@ class Robot:
         right.roll(turned, self._free[1] if abs(turned - wanted_right) <= _HELD else turned)
         if self.ticks % _SCAN_TICKS == 0:
             self._start_scan()
-        if self.turrets:
+        if self._carries:
             self.turrets.step(self.time)
 
     def tick(self) -> None:

@@ -14,7 +14,6 @@ import serial
 from macor_hil.errors import (
     GarbageError,
     LinkError,
-    RobotError,
     RobotResetError,
     SilenceError,
 )
@@ -104,7 +103,10 @@ class Line:
             LinkError: the port failed.
         """
         data, limit = _framed(request, self._baud)
-        line = self._guarded(data, lambda: self._ask(data, limit))
+        try:
+            line = self._ask(data, limit)
+        except (OSError, serial.SerialException) as error:
+            raise _failed(data, error) from None
         if line.startswith(BANNER):
             self.reset_seen = True
             raise RobotResetError(
@@ -133,7 +135,10 @@ class Line:
             GarbageError: what is on it never pauses.
         """
         data = _SPOILER + LINE_END + data
-        last = self._guarded(data, lambda: self._drain(data))
+        try:
+            last = self._drain(data)
+        except (OSError, serial.SerialException) as error:
+            raise _failed(data, error) from None
         if last:
             raise GarbageError(
                 f"sent {data!r}, and bytes have not stopped coming for {_BABBLE} s, the last ones"
@@ -160,14 +165,15 @@ class Line:
         return int(self.port.baudrate or 9600)
 
     def _ask(self, data: bytes, limit: float) -> bytes:
-        self.port.write(data)
+        port = self.port
+        port.write(data)
         start = self.clock()
-        line = bytearray()
-        while True:
-            line += self.port.read_until(b"\n", LONGEST_REPLY - len(line))
-            ended = line.endswith(b"\n") or len(line) >= LONGEST_REPLY
-            if ended or self.clock() - start >= limit:
-                return bytes(line)
+        line: bytes = port.read_until(b"\n", LONGEST_REPLY)
+        while not line.endswith(b"\n") and len(line) < LONGEST_REPLY:
+            if self.clock() - start >= limit:
+                break
+            line += port.read_until(b"\n", LONGEST_REPLY - len(line))
+        return line
 
     def _drain(self, data: bytes) -> bytes:
         self.port.write(data)
@@ -180,18 +186,12 @@ class Line:
                 return last
         return b""
 
-    @staticmethod
-    def _guarded(data: bytes, act: Callable[[], bytes]) -> bytes:
-        try:
-            return act()
-        except RobotError:
-            raise
-        except (OSError, serial.SerialException) as error:
-            raise LinkError(
-                f"sent {data!r}, then the serial port failed: {error}; is the cable in and the"
-                " robot on?",
-                data,
-            ) from None
+
+def _failed(data: bytes, error: Exception) -> LinkError:
+    return LinkError(
+        f"sent {data!r}, then the serial port failed: {error}; is the cable in and the robot on?",
+        data,
+    )
 
 
 @lru_cache(_REMEMBERED)

@@ -83,7 +83,8 @@ class Reply(NamedTuple):
 
     def encode(self) -> bytes:
         """The reply as bytes on the line."""
-        return encode_line(",".join((self.letter, *map(str, self.values), *self.text)))
+        letter, values, text = self
+        return ",".join((letter, *map(str, values), *text)).encode("ascii") + LINE_END
 
 
 def encode_line(text: str) -> bytes:
@@ -117,7 +118,7 @@ def build_request(letter: str, *arguments: int, rest: tuple[str, ...] = ()) -> R
 
 @lru_cache(_REMEMBERED, typed=True)
 def parse_request(
-    line: bytes, *, reject_beyond: bool = False, ignore_extra: bool = True
+    line: bytes, reject_beyond: bool = False, ignore_extra: bool = True
 ) -> Request | ToolCall:
     """Read one request line, without its line end, as the robot does.
 

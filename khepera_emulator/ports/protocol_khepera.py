@@ -104,7 +104,9 @@ class Serial(SerialBase):
     @property
     def now(self) -> float:
         """The robot's clock: seconds of virtual time since the port was opened."""
-        now: float = self._open_emulator().now
+        if not self.is_open:
+            raise PortNotOpenError()
+        now: float = self.emulator.now
         return now
 
     @property
@@ -127,33 +129,22 @@ class Serial(SerialBase):
             SerialException: no time-out is set and nothing is on its way: a real port would wait
                 for ever, and here nobody could ever write.
         """
-        return self._take(b"", size)
+        return self.read_until(b"", size)
 
     def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
         """Bytes up to and with `expected`, at most `size` of them; fewer after the time-out.
 
+        Without `expected` it is their number that counts.
+
         Raises:
             SerialException: as for `read`.
         """
-        return self._take(expected, size)
-
-    def readline(self, size: int | None = -1, /) -> bytes:
-        """A line with its line feed; fewer bytes after the time-out."""
-        return self.read_until(size=None if size is None or size < 0 else size)
-
-    def _take(self, expected: bytes, limit: int | None) -> bytes:
-        """Let time pass until enough bytes have come, or to the time-out; take them.
-
-        Args:
-            expected: what the bytes shall end with; empty: it is their number that counts.
-            limit: how many to take at most.
-        """
-        if limit == 0:
+        if size == 0:
             return b""
         emulator = self._open_emulator()
         uart, wait = emulator.uart, self._wait
         deadline = inf if wait is None else emulator.now + wait
-        while not (count := _complete(uart, expected, limit)):
+        while not (count := _complete(uart, expected, size)):
             event = uart.next_request()
             if event is None and wait is None:
                 raise SerialException(
@@ -162,18 +153,22 @@ class Serial(SerialBase):
                 )
             if event is None or event > deadline:
                 break
-            emulator.advance(event)
+            emulator.reach(event)
         if count and (due := uart.due(count)) <= deadline:
-            emulator.advance(due)
-            limit = count
+            emulator.reach(due)
+            size = count
         else:
-            emulator.advance(deadline)
-        taken: bytes = emulator.read(limit)
+            emulator.reach(deadline)
+        taken: bytes = uart.sent(emulator.now, size)
         return taken
+
+    def readline(self, size: int | None = -1, /) -> bytes:
+        """A line with its line feed; fewer bytes after the time-out."""
+        return self.read_until(size=None if size is None or size < 0 else size)
 
     def write(self, b: Any, /) -> int:
         """Put bytes on the line; the robot receives them as time passes."""
-        data = bytes(b)
+        data = b if type(b) is bytes else bytes(b)
         emulator = self._open_emulator()
         if emulator.uart.baud is None:
             emulator.advance(emulator.now + _WRITE_TIME)
