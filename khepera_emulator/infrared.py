@@ -60,13 +60,15 @@ class _Sensor(NamedTuple):
         rays: ahead and left parts of each ray's direction, and metres to add to its length, the
             least first: its penalty, less what the sensor is behind the body's edge.
         curve: counts at multiples of `_TABLE_STEP`.
-        residual: counts beyond the curve.
     """
 
     foot: tuple[float, float]
     rays: tuple[tuple[float, float, float], ...]
     curve: tuple[float, ...]
-    residual: float
+
+
+_Wall = tuple[float, float, float, Solid]
+"""A solid nearby: its gap to the robot's middle, and how far ahead and left the way to it leads."""
 
 
 class Infrared:
@@ -88,6 +90,7 @@ class Infrared:
         self._step = model.proximity.step
         self._spread = model.proximity.noise
         # without an object nothing is left of the light, and readings need no steps
+        self._residual = tuple(map(float, model.proximity.residual))
         self._silent = not any(model.proximity.residual) and model.proximity.step == 1
 
     def proximity(self, x: float, y: float, heading: float) -> tuple[int, ...]:
@@ -100,13 +103,16 @@ class Infrared:
         step, top = self._step, self._top
         counts = []
         for sensor, gap in enumerate(gaps):
-            value = self.response(sensor, gap)
+            value = self.response(sensor, gap) if gap is not inf else self._residual[sensor]
             if value > 0.0:
                 value += normal[sensor] * (fixed + relative * value)
             else:
                 value = _NOISE_SPAN * uniform[sensor] - _NOISE_DEPTH
-            count = int(value) if value > 0.0 else 0
-            counts.append((count if count < top else top) // step * step)
+            if value > 0.0:
+                count = int(value)
+                counts.append((count if count < top else top) // step * step)
+            else:
+                counts.append(0)
         return tuple(counts)
 
     def response(self, sensor: int, gap: float) -> float:
@@ -114,9 +120,9 @@ class Infrared:
 
         Closer than the recorded saturation it goes on rising; beyond the record: the residual.
         """
-        _, _, curve, residual = self._sensors[sensor]
         if gap > self._reach:
-            return residual
+            return self._residual[sensor]
+        curve = self._sensors[sensor].curve
         place = max(gap, 0.0) / _TABLE_STEP
         index = min(int(place), len(curve) - 2)
         low = curve[index]
@@ -136,26 +142,34 @@ class Infrared:
         if not around:
             return _FAR
         c, s = cos(heading), sin(heading)
-        return tuple([self._gap(sensor, around, x, y, c, s) for sensor in self._sensors])
+        walls = []
+        for solid in around:
+            gap, nx, ny = solid.toward(x, y)
+            walls.append((gap, c * nx + s * ny, c * ny - s * nx, solid))
+        return tuple([self._gap(sensor, walls, x, y, c, s) for sensor in self._sensors])
 
     def _gap(
-        self, sensor: _Sensor, around: list[Solid], x: float, y: float, c: float, s: float
+        self, sensor: _Sensor, walls: list[_Wall], x: float, y: float, c: float, s: float
     ) -> float:
         """Effective gap of one sensor; `c` and `s` are cosine and sine of the robot's heading."""
-        (ahead, left), rays, _, _ = sensor
+        (foot_ahead, foot_left), rays, _ = sensor
         reach = self._reach
-        eye_x, eye_y = x + (c * ahead - s * left), y + (s * ahead + c * left)
-        near = [(*solid.toward(eye_x, eye_y), solid) for solid in around]
         best = reach
         for ahead, left, penalty in rays:
-            dx, dy = c * ahead - s * left, s * ahead + c * left
             # what lies further than this is beyond the reach, or a worse gap than one found already
             distance = best - penalty
             shade = _NOTHING
-            for gap, nx, ny, solid in near:
-                # a solid lies wholly behind the line through its nearest point
-                if gap < distance * (dx * nx + dy * ny) or gap <= 0.0:
-                    way = solid.ray(eye_x, eye_y, dx, dy)
+            for gap, to_ahead, to_left, solid in walls:
+                # a solid lies wholly behind the line through the point of it nearest to the robot;
+                # few rays can come across that line early enough
+                room = gap - foot_ahead * to_ahead - foot_left * to_left
+                if room < distance * (ahead * to_ahead + left * to_left) or room <= 0.0:
+                    way = solid.ray(
+                        x + (c * foot_ahead - s * foot_left),
+                        y + (s * foot_ahead + c * foot_left),
+                        c * ahead - s * left,
+                        s * ahead + c * left,
+                    )
                     if way < distance:
                         distance, shade = way, solid.grey
             if shade != _NOTHING:
@@ -214,8 +228,7 @@ def _sensors(model: Model) -> tuple[_Sensor, ...]:
             (cos(direction + angle), sin(direction + angle), penalty - behind)
             for penalty, angle in fan
         ]
-        residual = float(model.proximity.residual[number])
-        sensors.append(_Sensor(foot, tuple(rays), tuple(curves[number]), residual))
+        sensors.append(_Sensor(foot, tuple(rays), tuple(curves[number])))
     return tuple(sensors)
 
 

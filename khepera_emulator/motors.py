@@ -128,27 +128,41 @@ class Wheel:
             The speed that the motor would have at the period's end if nothing held the wheel.
         """
         motor = self.motor
-        friction, room = motor.friction, FULL_DUTY - motor.friction
-        if self.mode is _SPEED:
-            duty = self._pid(self.speed_gains, float(self.set_speed - self.measured))
-        elif self.mode is _POSITION:
-            self._advance_reference()
-            lag = self._reference - (floor(self.travel) + self.offset)
-            if not -_HALF_RANGE < lag < _HALF_RANGE:
-                lag -= round(lag / 2**32) * 2**32  # wheel and reference on both sides of a wrap
-            duty = self._pid(self.position_gains, lag)
-            # the profile's own speed is fed forward, so that the PID has only its errors to mend
-            speed = self._reference_speed
-            if speed != 0.0:
-                duty += self._holding_duty(speed)
-                duty = FULL_DUTY if duty > FULL_DUTY else -FULL_DUTY if duty < -FULL_DUTY else duty
-        else:
+        friction, top_speed = motor.friction, motor.top_speed
+        room = FULL_DUTY - friction
+        mode = self.mode
+        if mode is _DUTY:
             duty = float(self.set_duty)
+        else:
+            if mode is _SPEED:
+                gains, error = self.speed_gains, float(self.set_speed - self.measured)
+                forward = 0.0
+            else:
+                gains, error = self.position_gains, self._follow()
+                # the profile's own speed is fed forward: the PID has only its errors to mend
+                forward = self._reference_speed
+            scale, ki, integral = motor.gain_scale, gains.ki, self._integral
+            if ki:
+                integral += error
+                limit = FULL_DUTY * scale / ki
+                if integral > limit:
+                    integral = limit
+                elif integral < -limit:
+                    integral = -limit
+                self._integral = integral
+            duty = (
+                gains.kp * error + ki * integral + gains.kd * (error - self._last_error)
+            ) / scale
+            self._last_error = error
+            duty = FULL_DUTY if duty > FULL_DUTY else -FULL_DUTY if duty < -FULL_DUTY else duty
+            if forward != 0.0:
+                duty += (friction if forward > 0.0 else -friction) + forward * room / top_speed
+                duty = FULL_DUTY if duty > FULL_DUTY else -FULL_DUTY if duty < -FULL_DUTY else duty
         # drive beyond standing friction, and the speed that the motor would come to with it
         if duty > friction:
-            free = (duty - friction) * motor.top_speed / room
+            free = (duty - friction) * top_speed / room
         elif duty < -friction:
-            free = (duty + friction) * motor.top_speed / room
+            free = (duty + friction) * top_speed / room
         else:
             free = 0.0
         speed = self.speed + (free - self.speed) * self._response
@@ -187,45 +201,36 @@ class Wheel:
             motor.top_speed
         )
 
-    def _pid(self, gains: Gains, error: float) -> float:
-        scale, ki, integral = self.motor.gain_scale, gains.ki, self._integral
-        if ki:
-            integral += error
-            limit = FULL_DUTY * scale / ki
-            if integral > limit:
-                integral = limit
-            elif integral < -limit:
-                integral = -limit
-            self._integral = integral
-        duty = (gains.kp * error + ki * integral + gains.kd * (error - self._last_error)) / scale
-        self._last_error = error
-        return FULL_DUTY if duty > FULL_DUTY else -FULL_DUTY if duty < -FULL_DUTY else duty
-
-    def _advance_reference(self) -> None:
-        speed = self._reference_speed
-        way = self.target - self._reference
-        if way == 0.0 and speed == 0.0:
-            return
-        profile = self.profile
-        top, acceleration = profile.speed, profile.acceleration / 256
-        if acceleration == 0.0 or top == 0:
-            self._reference_speed = 0.0  # a profile without speed or acceleration goes nowhere
-            return
-        left = abs(way)
-        wanted = sqrt(2.0 * acceleration * left + acceleration**2 / 4) - acceleration / 2
-        if wanted > top:
-            wanted = top
-        change = (wanted if way >= 0.0 else -wanted) - speed
-        if change > acceleration:
-            change = acceleration
-        elif change < -acceleration:
-            change = -acceleration
-        speed += change
-        if abs(speed) <= 2 * acceleration and left <= max(abs(speed), 0.5 * acceleration):
-            self._reference, self._reference_speed = float(self.target), 0.0
-            return
-        self._reference += speed
-        self._reference_speed = speed
+    def _follow(self) -> float:
+        """Move the profile's reference on by a period; returns how far the wheel lags behind."""
+        reference, speed = self._reference, self._reference_speed
+        way = self.target - reference
+        if way != 0.0 or speed != 0.0:
+            profile = self.profile
+            top, acceleration = profile.speed, profile.acceleration / 256
+            if acceleration == 0.0 or top == 0:
+                self._reference_speed = 0.0  # a profile without speed or acceleration goes nowhere
+            else:
+                left = abs(way)
+                wanted = sqrt(2.0 * acceleration * left + acceleration**2 / 4) - acceleration / 2
+                if wanted > top:
+                    wanted = top
+                change = (wanted if way >= 0.0 else -wanted) - speed
+                if change > acceleration:
+                    change = acceleration
+                elif change < -acceleration:
+                    change = -acceleration
+                speed += change
+                fast = abs(speed)
+                if fast <= 2 * acceleration and left <= max(fast, 0.5 * acceleration):
+                    reference, speed = float(self.target), 0.0
+                else:
+                    reference += speed
+                self._reference, self._reference_speed = reference, speed
+        lag = reference - (floor(self.travel) + self.offset)
+        if not -_HALF_RANGE < lag < _HALF_RANGE:
+            lag -= round(lag / 2**32) * 2**32  # wheel and reference on both sides of a wrap
+        return lag
 
 
 def _wrap(count: int) -> int:
