@@ -9,11 +9,14 @@ import tomllib
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from khepera_emulator.errors import EmulatorError
+
+MOST_ROBOTS: Final = 32
+"""Robots in one world; one process steps them all."""
 
 Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
 Point = tuple[Metres, Metres]

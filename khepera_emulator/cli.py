@@ -13,7 +13,7 @@ from typing import Annotated, Final
 
 import typer
 
-from khepera_emulator.arena import arena_names, load_arena
+from khepera_emulator.arena import MOST_ROBOTS, arena_names, load_arena
 from khepera_emulator.choices import option_names, parse_choices
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
@@ -31,9 +31,6 @@ from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
 _FAILED: Final = 2
-MOST_ROBOTS: Final = 32
-"""Robots in one world; one process steps them all."""
-
 _ROBOT = re.compile(r"[A-Za-z0-9_.-]+")
 _BAUD = re.compile(r"[1-9][0-9]{1,6}")
 
@@ -106,13 +103,16 @@ def run(
     tcp: Annotated[
         str | None,
         typer.Option(
-            metavar="HOST:PORT", help="A TCP port instead of a terminal; port 0: a free one."
+            metavar="HOST:PORT",
+            help="A TCP port instead of a terminal; port 0: a free one. With --robots the ports"
+            " from there on, one each.",
         ),
     ] = None,
     rfc2217: Annotated[
         str | None,
         typer.Option(
-            metavar="HOST:PORT", help="A serial port server (RFC 2217) instead of a terminal."
+            metavar="HOST:PORT",
+            help="A serial port server (RFC 2217) instead of a terminal; ports as with --tcp.",
         ),
     ] = None,
     expose: Annotated[
@@ -152,7 +152,11 @@ def run(
     ] = None,
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write down what passes on the line (see `replay`)."),
+        typer.Option(
+            metavar="FILE",
+            help="Write down what passes on the line (see `replay`); with --robots in FILE-1,"
+            " FILE-2 ...",
+        ),
     ] = None,
     robots: Annotated[
         int,
@@ -222,8 +226,6 @@ def run(
         _check_robot(robot)
         if link and (tcp or rfc2217):
             raise EmulatorError("--link points to a terminal, and --tcp and --rfc2217 have none")
-        if robots > 1 and (tcp or rfc2217 or record):
-            raise EmulatorError("--tcp, --rfc2217 and --record are for one robot, not --robots")
         names = _numbered(robot, robots)
         links = _numbered(link.name, robots) if link else []
         held = [stack.enter_context(Link(link.with_name(each))) for each in links] if link else []
@@ -236,12 +238,13 @@ def run(
             )
             channels[k] = stack.enter_context(channel)
         ports = []
-        for _ in names:
-            ports.append(open_port(tcp=tcp, rfc2217=rfc2217, expose=expose))
+        for k in range(robots):
+            ports.append(open_port(tcp=tcp, rfc2217=rfc2217, expose=expose, place=k))
             stack.callback(ports[-1].close)
-        log = None
-        if record:
-            log = stack.enter_context(WireLog(record, _same_robot(ctx, faults)))
+        logs: list[WireLog | None] = [None] * robots
+        for k, stem in enumerate(_numbered(record.stem, robots) if record else ()):
+            path = record.with_name(stem + record.suffix) if record else Path()
+            logs[k] = stack.enter_context(WireLog(path, _same_robot(ctx, faults, k + 1)))
         follow_rate = baud == "auto"
         daemon = Daemon(
             emulators[0],
@@ -249,10 +252,12 @@ def run(
             Clock(speed),
             follow_rate=follow_rate,
             channel=channels[0],
-            log=log,
+            log=logs[0],
         )
         for k in range(1, robots):
-            daemon.add(emulators[k], ports[k], follow_rate=follow_rate, channel=channels[k])
+            daemon.add(
+                emulators[k], ports[k], follow_rate=follow_rate, channel=channels[k], log=logs[k]
+            )
         stack.enter_context(_signals_call(daemon.stop))
         for name, port, claim in zip_longest(names, ports, held):
             if claim:
@@ -348,13 +353,15 @@ def _parse_baud(text: str) -> int | None:
     return int(text)
 
 
-def _same_robot(ctx: typer.Context, faults: list[str]) -> str:
-    """URL of an in-process robot with the same options."""
+def _same_robot(ctx: typer.Context, faults: list[str], number: int) -> str:
+    """URL of an in-process robot with the same options, one of as many."""
     options = [("fault", spec) for spec in faults]
     for name in ("model", "seed", "drift", "baud", "turret", "firmware"):
         value = ctx.params.get(name)
         values = value if isinstance(value, list | tuple) else [value]
         options += [(name, str(each)) for each in values if each is not None]
+    if ctx.params["robots"] > 1:
+        options += [("robots", str(ctx.params["robots"])), ("robot", str(number))]
     return robot_url(ctx.params["arena"], options)
 
 

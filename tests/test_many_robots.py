@@ -1,6 +1,7 @@
 """`khepera-emulator run --robots N`: a terminal, a link and Zenoh keys for each robot."""
 
 import subprocess
+from contextlib import ExitStack
 from math import hypot
 
 import pytest
@@ -8,7 +9,12 @@ import serial
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 from test_side_channel import session, truth_of, wait_for
 
+import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.cli import main
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.ports.tcp import shifted
+from khepera_emulator.replay import replay
+from khepera_emulator.wire_log import read_log
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +80,52 @@ def test_each_has_a_camera_and_a_reset(running):
         assert "no room for the robot" in reply.err.payload.to_string()
 
 
+@pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_each_has_a_port_and_a_log_of_its_own(tmp_path, scheme):
+    option = {"socket": "--tcp", "rfc2217": "--rfc2217"}[scheme]
+    options = ("--arena", "open-box", "--robots", "2", "--seed", "3", option, "127.0.0.1:0")
+    with emulator("--no-zenoh", *options, "--record", str(tmp_path / "wire.jsonl")) as started:
+        urls = [started.path, started.process.stdout.readline().split()[2]]
+        assert [url.partition(":")[0] for url in urls] == [scheme] * 2
+        with ExitStack() as stack:
+            first, second = (
+                stack.enter_context(serial.serial_for_url(url, timeout=PATIENCE)) for url in urls
+            )
+            assert ask(first, b"G,1,1\n") == b"g\r\n"
+            assert ask(second, b"D,3,-3\n") == b"d\r\n"
+            assert ask(first, b"H\n") == b"h,1,1\r\n"
+            assert ask(second, b"N\n").startswith(b"n,")
+            assert ask(second, b"H\n").startswith(b"h,")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["wire-1.jsonl", "wire-2.jsonl"]
+    for number, lines in ((1, 2), (2, 3)):
+        log = read_log(tmp_path / f"wire-{number}.jsonl")
+        assert log.url.endswith(f"&robots=2&robot={number}")
+        with serial.serial_for_url(log.url, timeout=1) as port:
+            assert replay(log, port) == lines
+
+
+def test_ports_follow_each_other():
+    assert shifted("127.0.0.1:4000", 2) == "127.0.0.1:4002"
+    assert shifted("[::1]:4000", 1) == "[::1]:4001"
+    assert shifted("localhost:0", 5) == "localhost:0"
+    with pytest.raises(EmulatorError, match="no address"):
+        shifted("4000", 1)
+
+
+def test_one_of_several_fits_into_a_url():
+    places = []
+    for robot in (1, 2):
+        url = f"khepera://open-box?robots=2&robot={robot}&seed=3"
+        with serial.serial_for_url(url, timeout=1) as port:
+            assert ask(port, b"G,5,6\n") == b"g\r\n"
+            places.append(port.emulator.truth().pose)
+    assert hypot(places[0].x - places[1].x, places[0].y - places[1].y) > 0.05
+    for options, words in (("robots=33", "not from 1 to 32"), ("robot=2", "not from 1 to 1")):
+        with pytest.raises(serial.SerialException, match=words):
+            serial.serial_for_url(f"khepera://open-box?{options}")
+
+
 def test_links_go_at_the_end(tmp_path):
     with emulator("--robots", "2", "--no-zenoh", "--link", str(tmp_path / "line")) as started:
         started.process.stdout.readline()
@@ -85,8 +137,7 @@ def test_links_go_at_the_end(tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--tcp", "127.0.0.1:0"), "are for one robot"),
-        (("--record", "log"), "are for one robot"),
+        (("--tcp", "127.0.0.1:65535"), "there are no ports for 2 robots from there on"),
         (
             ("--link", "line", "--arena", "narrow-passage", "--robots", "32"),
             "no free place for a robot",

@@ -17,6 +17,8 @@ Options after `?`, joined with `&`:
                    with other settings the client reads and sends garbage (the client's rate)
     fault=SPEC     something that goes wrong on the line, see `khepera_emulator.faults`; repeatable
     turret=NAME    gripper, k213, radio or general-io; repeatable
+    robots=N       so many robots in one world, of which this line is that of robot=K (1 of 1);
+                   nobody talks to the others
     firmware=NAME  a choice of `khepera_emulator.choices`, such as reject-beyond or
                    firmware=reached-within=2; repeatable
 
@@ -34,7 +36,7 @@ from khepera_emulator.clock import on_grid
 from khepera_emulator.line_coding import LineFormat
 
 _REPEATABLE = ("fault", "turret", "firmware")
-_OPTIONS = ("seed", "model", "drift", "baud", *_REPEATABLE)
+_OPTIONS = ("seed", "model", "drift", "baud", "robots", "robot", *_REPEATABLE)
 _DIGITS = 18
 _POLL_TIME = 1e-4
 """Seconds that asking for bytes takes when there are none, and nobody waits."""
@@ -64,7 +66,7 @@ class Serial(SerialBase):
         if self.is_open:
             raise SerialException("Port is already open.")
         # pySerial swallows an ImportError at its look-up of URL schemes: import when opening
-        from khepera_emulator.arena import load_arena
+        from khepera_emulator.arena import MOST_ROBOTS, load_arena
         from khepera_emulator.choices import parse_choices
         from khepera_emulator.drift import parse_drift
         from khepera_emulator.errors import EmulatorError
@@ -76,7 +78,7 @@ class Serial(SerialBase):
         self._rate = options.get("baud", "auto")
         try:
             load_physics()
-            from khepera_emulator.emulator import Emulator, Setup
+            from khepera_emulator.emulator import Setup, make_fleet
             from khepera_emulator.turrets import check_turrets
 
             setup = Setup(
@@ -89,7 +91,9 @@ class Serial(SerialBase):
                 turrets=check_turrets(lists["turret"]),
                 choices=parse_choices(lists["firmware"]),
             )
-            self.emulator = Emulator(setup)
+            robots = _whole("robots", options.get("robots", "1"), most=MOST_ROBOTS)
+            robot = _whole("robot", options.get("robot", "1"), most=robots)
+            self.emulator = make_fleet(setup, robots)[robot - 1]
         except EmulatorError as error:
             raise SerialException(f"{self.portstr}: {error}") from None
         self.is_open = True
@@ -265,9 +269,12 @@ def _split(url: str) -> tuple[str, dict[str, str], dict[str, list[str]]]:
     return parts.netloc + parts.path, options, lists
 
 
-def _whole(name: str, text: str) -> int:
+def _whole(name: str, text: str, most: int | None = None) -> int:
+    """A whole number; with a limit one from 1 to it."""
     if not (text.isascii() and text.isdecimal() and len(text) <= _DIGITS):
         raise SerialException(f"{name}={text!r} is not a whole number of up to {_DIGITS} digits")
+    if most is not None and not 1 <= int(text) <= most:
+        raise SerialException(f"{name}={text} is not from 1 to {most}")
     return int(text)
 
 

@@ -211,6 +211,20 @@ def tcp_address(text: str) -> tuple[str, int]:
     return host.removeprefix("[").removesuffix("]"), int(port)
 
 
+def shifted(address: str, places: int) -> str:
+    """The address so many ports further on; port 0, any free one, stays.
+
+    Raises:
+        EmulatorError: it is no address, or there is no such port.
+    """
+    _, port = tcp_address(address)
+    if not port or not places:
+        return address
+    if port + places > _MOST_PORTS:
+        raise EmulatorError(f"{address}: there are no ports for {places + 1} robots from there on")
+    return f"{address.rpartition(':')[0]}:{port + places}"
+
+
 def _listen(address: str, *, expose: bool) -> socket.socket:
     host, port = tcp_address(address)
     try:
