@@ -22,7 +22,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 APPS = {"macor-hil": controller, "khepera-emulator": emulator}
 RUNNER = Path(__file__).with_name("docs_runner.py")
 VARIABLE = re.compile(r"[A-Z_]+=")
-NETWORK = ["unshare", "--map-root-user", "--net"]
+NETWORK = ["unshare", "--map-root-user", "--net", "--pid", "--fork", "--kill-child"]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
     "optional-dependencies"
 ]
