@@ -1,6 +1,7 @@
-"""Runs the commands of a page of the documentation, in order, as someone who pastes them would.
+r"""Runs the commands of a page of the documentation, in order, as someone who pastes them would.
 
-    unshare --map-root-user --net --pid --fork --kill-child python tests/docs_runner.py docs/arenas.md FOLDER
+    unshare --map-root-user --net --pid --fork --kill-child \
+        python tests/docs_runner.py docs/arenas.md FOLDER
 
 Commands are the lines of its `sh` blocks. They run in a folder that has the project's files in it
 and in a network of their own, so that every page has the well-known ports to itself. Commands that
