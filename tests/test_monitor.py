@@ -179,7 +179,8 @@ def test_once_shows_a_controller_that_is_there():
         publisher.state(a_state(), 1.0)
         publisher.decision(a_decision(3))
         console = Console(file=file, width=80)
-        assert watch("khepera", [], [endpoint], once=True, console=console)
+        with open_session([], [endpoint]) as session:
+            assert watch(session, "khepera", once=True, console=console)
     assert "driving  3 of 40" in file.getvalue()
     assert "17 (neuron 53)" in file.getvalue()
 
@@ -187,13 +188,14 @@ def test_once_shows_a_controller_that_is_there():
 def test_a_watcher_without_a_controller_ends_after_its_duration():
     file = io.StringIO()
     console = Console(file=file, width=80)
-    assert not watch("khepera", [], [free_endpoint()], duration=0.1, console=console)
+    with open_session([], [free_endpoint()]) as session:
+        assert not watch(session, "khepera", duration=0.1, console=console)
     assert "waiting for a controller..." in file.getvalue()
 
 
 def test_a_bad_name_is_refused():
-    with pytest.raises(TelemetryError):
-        watch("a/**", [], [])
+    with open_session([], []) as session, pytest.raises(TelemetryError):
+        watch(session, "a/**")
 
 
 def wait_for(watcher, what):

@@ -8,9 +8,14 @@ from queue import Empty, SimpleQueue
 
 import pytest
 import zenoh
-from controller_helpers import PATIENCE, free_endpoint, wait_until_watched
+from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
+from typer.testing import CliRunner
+from watching_helpers import a_life
 
+from macor_hil import cli
 from macor_hil.errors import TelemetryError
+from macor_hil.telemetry.publisher import Publisher
+from macor_hil.telemetry.recording import Recorder, read_recording
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
 
@@ -101,6 +106,50 @@ def test_a_watcher_can_neither_publish_nor_stop(folder):
         assert nothing(queue)
         assert not stops
         ask_to_stop(other, "khepera")
+        assert stops
+
+
+def macor_hil(*arguments):
+    return CliRunner(env={"COLUMNS": "80"}).invoke(cli.app, list(map(str, arguments)))
+
+
+def test_a_watcher_can_use_the_monitor_and_the_recorder(folder, tmp_path):
+    watcher = "--zenoh-config", folder / "watcher.json5"
+    with sessions(folder, "controller") as (session,), Publisher(session, "khepera") as publisher:
+        publisher.state(a_state(driven=3), 1.0)
+        publisher.decision(a_decision(3))
+        seen = macor_hil("monitor", "--once", *watcher)
+        done = macor_hil("record", tmp_path / "drive.mcap", "--for", 2, *watcher)
+    assert seen.exit_code == 0, seen.output
+    assert "driving  3 of 40" in seen.stdout
+    assert done.exit_code == 0, done.output
+    events = read_recording(tmp_path / "drive.mcap")[1]
+    assert {"state", "decision"} <= {event.leaf for event in events if hasattr(event, "leaf")}
+
+
+@pytest.mark.parametrize(("name", "heard_of"), [("watcher", False), ("controller", True)])
+def test_only_who_may_publish_can_replay(folder, tmp_path, name, heard_of):
+    with Recorder(tmp_path / "drive.mcap", "khepera") as recorder:
+        for event in a_life(1):
+            recorder.write(event)
+    with sessions(folder, "controller") as (listener,):
+        queue = heard(listener, "macor/khepera/**")
+        config = "--zenoh-config", folder / f"{name}.json5"
+        done = macor_hil("replay", tmp_path / "drive.mcap", "--speed", 2, *config)
+        assert done.exit_code == 0, done.output
+        assert queue.get(timeout=PATIENCE) if heard_of else nothing(queue)
+
+
+def test_a_watcher_s_stop_is_not_taken(folder):
+    stops = []
+    with (
+        sessions(folder, "controller") as (session,),
+        StopKey(session, "khepera", stops.append),
+    ):
+        refused = macor_hil("stop", "--zenoh-config", folder / "watcher.json5")
+        assert isinstance(refused.exception, TelemetryError)
+        assert not stops
+        assert macor_hil("stop", "--zenoh-config", folder / "controller.json5").exit_code == 0
         assert stops
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Final
 
 import typer
 
-from macor_hil.cli.options import ConnectOption, RobotOption
+from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.monitor.terminal import watch
 from macor_hil.telemetry.keys import KEYS
@@ -53,9 +53,11 @@ def monitor(
     ] = False,
     duration: DurationOption = None,
     connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
 ) -> None:
     """Watch a controller in the terminal; a Zenoh subscriber and nothing else."""
-    there = watch(robot, [], connect, once, duration)
+    with open_session([], connect, zenoh_config) as session:
+        there = watch(session, robot, once, duration)
     if once and not there:
         raise typer.Exit(_NOBODY)
 
@@ -66,6 +68,7 @@ def record(
     robot: RobotOption = "khepera",
     duration: DurationOption = None,
     connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
 ) -> None:
     """Record what is told of a robot: pictures, decisions, poses, infrared, the line's bytes.
 
@@ -74,7 +77,7 @@ def record(
     """
     with _extra("recording"):
         from macor_hil.telemetry.recorder import record as write
-    with open_session([], connect) as session:
+    with open_session([], connect, zenoh_config) as session:
         samples = write(session, robot, file, duration)
     typer.echo(f"{file}: {samples} samples")
 
@@ -91,6 +94,7 @@ def replay(
     listen: Annotated[
         list[str], typer.Option(metavar="ENDPOINT", help="Where watchers find it.")
     ] = [CONTROLLER_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
 ) -> None:
     """Publish a recording again, with its times: every monitor works on it."""
     with _extra("recording"):
@@ -99,7 +103,7 @@ def replay(
     from macor_hil.telemetry.replay import replay as play
 
     name, events = read_recording(file)
-    with open_session(listen, []) as session, Stage(session, robot or name) as stage:
+    with open_session(listen, [], zenoh_config) as session, Stage(session, robot or name) as stage:
         play(events, stage, speed)
     typer.echo(f"{file}: {len(events)} events of {name}")
 
@@ -114,6 +118,7 @@ def dashboard(
     port: Annotated[int, typer.Option(min=1, max=65535, help="TCP port of the page.")] = 8080,
     robot: RobotOption = "khepera",
     connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
 ) -> None:
     """Watch a robot in the browser: camera, arena, plans, activities, reinforcement, the line.
 
@@ -128,7 +133,7 @@ def dashboard(
     with ExitStack() as stack:
         source: Live | Player
         if file is None:
-            session = stack.enter_context(open_session([], connect))
+            session = stack.enter_context(open_session([], connect, zenoh_config))
             source = Live(stack.enter_context(Watcher(session, robot, camera=True)))
         else:
             with _extra("recording"):

@@ -1,16 +1,15 @@
 """`macor-hil monitor`: a controller in the terminal."""
 
 import time
-from collections.abc import Sequence
 from math import inf
 from typing import Final
 
+import zenoh
 from rich.console import Console
 from rich.live import Live
 
 from macor_hil.monitor.view import render
 from macor_hil.monitor.watcher import Watcher
-from macor_hil.telemetry.session import check_robot_name, open_session
 
 _REFRESH: Final = 0.2
 """Seconds between two pictures."""
@@ -20,9 +19,8 @@ _ONCE_PATIENCE: Final = 2.0
 
 
 def watch(
+    session: zenoh.Session,
     robot: str,
-    listen: Sequence[str],
-    connect: Sequence[str],
     once: bool = False,
     duration: float | None = None,
     *,
@@ -31,9 +29,8 @@ def watch(
     """Show a controller until Ctrl-C; it may come, go and come again.
 
     Args:
+        session: an open session, which stays its owner's.
         robot: the robot's name in Zenoh keys.
-        listen: Zenoh endpoints to be found at; usually none.
-        connect: Zenoh endpoints of the controller, or of a peer that knows it.
         once: show a single picture, of a controller that is there or after two seconds.
         duration: seconds after which to end; None: never.
         console: where to draw; the standard output if not given.
@@ -42,11 +39,10 @@ def watch(
         Whether a controller was there at the end.
 
     Raises:
-        TelemetryError: the name or an endpoint cannot be used.
+        TelemetryError: the name cannot be part of a key.
     """
-    check_robot_name(robot)
     console = console or Console()
-    with open_session(listen, connect) as session, Watcher(session, robot) as watcher:
+    with Watcher(session, robot) as watcher:
         if once:
             watcher.follow(_ONCE_PATIENCE, until=lambda: watcher.introduced)
             console.print(render(watcher.watched, time.time()))
