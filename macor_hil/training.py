@@ -214,7 +214,7 @@ class Trainer:
             self._driver.back_off(int(rng.integers(3, 9)))
             if at_once:  # there was no way back worth the name
                 self._driver.turn(float(rng.uniform(-pi, pi)))
-        except RobotError as error:
+        except (RobotError, CameraError) as error:
             self._get_over(error)
         self._stuck = self._stuck + 1 if at_once else 0
         if self._stuck >= _STUCK and self._care is not None:
