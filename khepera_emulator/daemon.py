@@ -100,13 +100,13 @@ class Daemon:
         try:
             while not self._stopping:
                 self._serve(self._wait())
-            self._serve([])  # what came before the stop counts
+            self._serve(set())  # what came before the stop counts
         finally:
             os.close(self._stop)
         for line in self._lines:
             line.log_losses()
 
-    def _wait(self) -> list[int]:
+    def _wait(self) -> set[int]:
         """Sleep until a client, a query, a byte's wire time or a robot's motion wants something.
 
         `select` keeps its time-out to a tenth of a millisecond; `poll` and `epoll` round it up
@@ -120,9 +120,9 @@ class Daemon:
         for line in self._lines:
             readers += line.descriptors()
             delay = min(delay, line.delay(now, self._clock.speed))
-        return select.select(readers, (), (), max(0.0, delay))[0]
+        return set(select.select(readers, (), (), max(0.0, delay))[0])
 
-    def _serve(self, ready: list[int]) -> None:
+    def _serve(self, ready: set[int]) -> None:
         """One round: bytes to the robots, time, bytes to the clients, queries."""
         for line in self._lines:
             line.look(ready)
@@ -131,14 +131,14 @@ class Daemon:
         self._heard = False
         for line in self._lines:
             self._heard |= line.take(now)
-        self._emulator.advance(now)
+        self._emulator.reach(now)
         for line in self._lines:
             line.hand_over()
         for line in self._lines:
             line.serve_channel(self._catch_up)
 
     def _catch_up(self) -> None:
-        self._emulator.advance(self._time())
+        self._emulator.reach(self._time())
 
     def _time(self) -> float:
         """Now, on the robot's clock, which stands still if it could not keep up."""
@@ -203,25 +203,26 @@ class _Line:
             delay = min(delay, first, (uart.due(queued) - now) / speed)
         return delay
 
-    def look(self, ready: list[int]) -> None:
+    def look(self, ready: set[int]) -> None:
         """See what the client has done.
 
         Args:
             ready: descriptors that have become readable, of this line or of others; if there
                 are none, some time has passed.
         """
-        if not ready or self._look_again or any(each in ready for each in self._watched):
+        if not ready or self._look_again or not ready.isdisjoint(self._watched):
             self._look_again = False
             self._chunks = self._port.receive(self._room)
 
     def take(self, now: float) -> bool:
         """Put on the line, now, what the client has done; tells whether that is anything."""
-        chunks, self._chunks = self._chunks, []
+        chunks = self._chunks
         if not chunks:
             return False
+        self._chunks = []
         emulator, uart, log = self._emulator, self._emulator.uart, self._log
         if uart.faults:
-            emulator.advance(now)  # what happens to a byte may hang on what was said before it
+            emulator.reach(now)  # what happens to a byte may hang on what was said before it
         if self._asks_settings:
             self._set(now, self._port.settings())
         for chunk in chunks:
@@ -231,7 +232,8 @@ class _Line:
                 emulator.hang_up()
                 continue
             limit = _LEFT_BEHIND + (_TAKE if chunk is chunks[-1] else 0)
-            fitting = chunk[: max(0, limit - uart.arriving())]
+            room = max(0, limit - uart.arriving())
+            fitting = chunk[:room] if len(chunk) > room else chunk
             self.lost += len(chunk) - len(fitting)
             if log:
                 log.request(now, fitting)

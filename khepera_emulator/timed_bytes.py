@@ -68,8 +68,33 @@ class TimedBytes:
         end = REQUEST_END.search(self.data)
         return self.due(end.end()) if end else None
 
+    def take_request(self, idle: float, until: float) -> tuple[float, bytes] | None:
+        """Remove all if it is one whole request that follows itself on the wire: the usual case.
+
+        Args:
+            idle: it must not have set out before.
+            until: it must be there by this time.
+
+        Returns:
+            When the last byte is there, and the bytes; None leaves everything to the caller.
+        """
+        if len(self._runs) != 1:
+            return None
+        start, each, count = self._runs[0]
+        end = REQUEST_END.search(self.data)
+        due = start + each * count
+        if start < idle or due > until or not end or end.end() != count:
+            return None
+        data = bytes(self.data)
+        self.clear()
+        return due, data
+
     def take(self, count: int) -> bytes:
         """Remove the first `count` bytes, or all if there are fewer."""
+        if count >= len(self.data):
+            data = bytes(self.data)
+            self.clear()
+            return data
         data = bytes(self.data[:count])
         del self.data[:count]
         left = len(data)

@@ -49,6 +49,7 @@ class Uart:
     def __init__(self, baud: int | None, faults: Faults | None = None) -> None:
         self.lost = 0
         self.faults = faults or Faults()
+        self._faulty = bool(self.faults)
         self._client: LineFormat | None = None
         self._receiver_free = self._interpreter_free = self._sender_free = 0.0
         self._orphans = 0
@@ -88,7 +89,7 @@ class Uart:
     def _compare(self) -> None:
         ends = self._format, self._client
         self._garbled = bool(ends[0] and ends[1] and not ends[1].matches(ends[0]))
-        self._plain = not self.faults and not self._garbled
+        self._plain = not self._faulty and not self._garbled
 
     def receive(self, data: bytes, now: float) -> None:
         """Bytes that the client puts on the line now; they arrive one after the other."""
@@ -104,10 +105,15 @@ class Uart:
 
         A fault that resets the robot comes as the request to start again.
         """
-        if self.faults:
+        if self._faulty:
             return self._disturbed(until)
-        if not (self._receiving.data or self._held):
-            return ()  # a silent line, as it is most of the time
+        if not self._held:
+            if not self._receiving.data:
+                return ()  # a silent line, as it is most of the time
+            alone = self._receiving.take_request(self._interpreter_free, until)
+            if alone:
+                line = self._interpret(*alone)
+                return ((alone[0], line),) if line is not None else ()
         return self._carried_out(until)
 
     def _disturbed(self, until: float) -> Iterator[tuple[float, bytes]]:
@@ -155,7 +161,7 @@ class Uart:
             return None
         self._interpreter_free = start + self._busy
         self._unheard = orphan
-        if self.faults and self.faults.on_request(start):
+        if self._faulty and self.faults.on_request(start):
             self._reset(start)
             return _RESTART
         return line
@@ -170,7 +176,7 @@ class Uart:
         """A reply to the latest request, executed at a time: queue it behind earlier ones."""
         if self._unheard:
             return
-        if self.faults:
+        if self._faulty:
             data = self.faults.on_reply(executed, data)
         self._say(data, executed + self._busy)
 
@@ -210,7 +216,7 @@ class Uart:
             request = self._interpreter_free
         elif self._receiving.data:
             request = self._receiving.line_due()
-        moment = self.faults.next_moment() if self.faults else None
+        moment = self.faults.next_moment() if self._faulty else None
         if request is None or moment is None:
             return moment if request is None else request
         return min(request, moment)
@@ -269,7 +275,7 @@ class Uart:
         else:
             items = [(start + each * count, byte) for count, byte in enumerate(data, 1)]
             free = start + each * len(data)
-        if not self.faults:
+        if not self._faulty:
             return items, free
         items, late = self.faults.on_bytes(direction, items, each)
         return items, free + late

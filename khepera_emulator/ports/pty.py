@@ -73,6 +73,7 @@ class PtyPort:
         self._terminal = Terminal()
         self._clients = 0
         self._kept_back = False
+        self._doubt = False
 
     def close(self) -> None:
         """Hang up: clients get an error from now on."""
@@ -85,6 +86,10 @@ class PtyPort:
 
     def descriptors(self, *, room: bool) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave."""
+        if self._doubt:
+            self._doubt = False
+            # who has come since the last look has written it, rather than who was there before
+            self._kept_back = self._terminal.readable() and not self._terminal.changed()
         return self._terminal.descriptors(room=room)
 
     def settings(self) -> LineFormat | None:
@@ -112,7 +117,7 @@ class PtyPort:
         except EOFError:
             self._forget_client()
             return [b""]
-        if not self._terminal.held and not any(event in COMINGS for event in events):
+        if not self._terminal.held and COMINGS.isdisjoint(events):
             return [data] if data else []
         change = self._count(events)
         if data or WRITTEN in events:
@@ -151,6 +156,13 @@ class PtyPort:
         data = terminal.read(limit) if limit > 0 else b""
         # only now: whoever wrote this had opened the terminal before
         events = news = terminal.events()
+        if not terminal.held and COMINGS.isdisjoint(events):
+            # whose bytes these are is clear, and whether more have come can wait until they are
+            # answered: see `descriptors`
+            self._kept_back = len(data) >= limit
+            self._doubt = WRITTEN in events and not self._kept_back
+            return data, events
+        self._doubt = False
         for _ in range(_LOOKS):
             # it may have been written since: otherwise a later client would pass for its writer
             if WRITTEN not in news or len(data) >= limit or not terminal.readable():

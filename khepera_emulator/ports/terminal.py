@@ -91,8 +91,14 @@ class Terminal:
         os.close(self._master)
 
     def descriptors(self, *, room: bool) -> tuple[int, ...]:
-        """Descriptors that become readable when clients come or leave, and when they write."""
-        return self._descriptors if room else self._descriptors[:1]
+        """Descriptors that become readable when clients come or leave, and when they write.
+
+        Once the terminal is let go its master side tells all; the watch, which every reading and
+        writing wakes, can wait until somebody asks for events.
+        """
+        if not room:
+            return self._descriptors[:1]
+        return self._descriptors if self.held else self._descriptors[1:]
 
     def settings(self) -> LineFormat | None:
         """What a client has set; None for a rate of zero."""
@@ -182,7 +188,7 @@ class Terminal:
         if any(descriptor == self._master for descriptor, _ in happened):
             return True
         self._early += self._watch.take()
-        return any(event in COMINGS for event in self._early)
+        return not COMINGS.isdisjoint(self._early)
 
     def hold(self) -> None:
         """Open the terminal, so that there is no hang-up.
