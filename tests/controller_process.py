@@ -2,8 +2,9 @@
 
 The JSON text holds the fields of `ServiceConfig`, the wheels' greatest `speed`, and `trouble`:
 `slow planner` (it takes seconds once the robot has made a step), `exception` (a defect while the
-robot drives), `clock jump` (an hour ahead). A line `step` is printed for each decision, the end of
-the run or its error last.
+robot drives), `clock jump` (an hour ahead). The planner `circle` always turns left: round and round
+without ever meeting a wall. A line `step` is printed for each decision, the end of the run or its
+error last; with `forever` the next run follows, until a signal comes.
 """
 
 import json
@@ -14,10 +15,18 @@ from pathlib import Path
 from macor_hil import service
 from macor_hil.drive import DriveSettings
 from macor_hil.errors import MacorError
+from macor_hil.planners.planner import Plan
 from macor_hil.planners.reactive import Reactive
 from macor_hil.robot import Khepera
 
 SLOW = 2.5
+
+
+class Circle:
+    """Left for ever: a circle of 10 cm radius."""
+
+    def plan(self, *_):
+        return Plan((0.0, None, None), 0)
 
 
 class SlowPlanner:
@@ -69,23 +78,34 @@ def jump():
 def main():
     fields = json.loads(sys.argv[1])
     trouble = fields.pop("trouble", "")
+    service.PLANNERS = {**service.PLANNERS, "circle": Circle, "slow": SlowPlanner}
     if trouble == "slow planner":
-        service.PLANNERS = {**service.PLANNERS, "slow": SlowPlanner}
         fields["planner"] = "slow"
     elif trouble == "exception":
         break_in_mid_drive()
     elif trouble == "clock jump":
         jump()
     paths = {"map_file", "profile", "zenoh_config"}
-    drive = DriveSettings(speed=fields.pop("speed", DriveSettings().speed))
+    forever = fields.pop("forever", False)
+    drive = DriveSettings(
+        speed=fields.pop("speed", DriveSettings().speed),
+        acceleration=fields.pop("acceleration", DriveSettings().acceleration),
+    )
     values = {k: Path(v) if k in paths else v for k, v in fields.items()}
+    config = service.ServiceConfig(drive=drive, **values)
+    while not run(config) and forever:
+        pass
+
+
+def run(config):
+    """A run, and how it ended; whether a signal has come."""
     try:
-        report = service.serve(
-            service.ServiceConfig(drive=drive, **values), lambda _: print("step", flush=True)
-        )
-        print(report.ending.value, report.signal, report.recoveries, flush=True)
+        report = service.serve(config, lambda _: print("step", flush=True))
     except MacorError as error:
         print(f"{type(error).__name__}: {error}", flush=True)
+        return False
+    print(report.ending.value, report.signal, report.recoveries, flush=True)
+    return bool(report.signal)
 
 
 if __name__ == "__main__":

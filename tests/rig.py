@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import zenoh
 from emulator_process import PATIENCE, EmulatorProcess, free_endpoint
+from router import Router
 
 from macor_hil.bench import ZenohBench
 from macor_hil.errors import BenchError
@@ -131,16 +132,23 @@ class Controller:
 
 
 class Rig:
-    """Emulator on a linked terminal, relay and bench; controllers on demand."""
+    """Emulator on a linked terminal, relay and bench; controllers on demand.
 
-    def __init__(self, folder, *options, baud=57600, arena="open-box", relay=True):
+    With a router, controllers reach the emulator's camera through that alone, and there is no
+    relay.
+    """
+
+    def __init__(self, folder, *options, baud=57600, arena="open-box", relay=True, routed=False):
         self.folder = Path(folder)
         self.link = self.folder / "robot"
         self.endpoint, self.controller_endpoint = free_endpoint(), free_endpoint()
         self.baud = baud
+        self.router = Router(self.folder) if routed else None
+        relay = relay and not routed
         self._options = (
             *("--arena", arena, "--link", str(self.link), "--listen", self.endpoint),
             *("--baud", str(baud), *options),
+            *(("--connect", self.router.endpoint) if routed else ()),
         )
         self.emulator = EmulatorProcess(*self._options)
         self.session = open_session([], [self.endpoint])
@@ -163,6 +171,7 @@ class Rig:
             "planner": "reactive",
             "listen": [self.controller_endpoint],
             "connect": [self.endpoint],
+            **({"zenoh_config": str(self.router.client)} if self.router else {}),
             **fields,
         }
         script = Path(__file__).with_name("controller_process.py")
@@ -193,6 +202,13 @@ class Rig:
             if now - last_moving > _REST or now - start > longest:
                 return last_moving - start
 
+    def motion(self, until):
+        """Clock and speed, again and again until a time of the robot's clock."""
+        samples = [self.truth()]
+        while samples[-1][0] < until:
+            samples.append(self.truth())
+        return samples
+
     def stops_within(self, limit, attempt, attempts=3):
         """Whether the robot comes to stand in time; a machine busy with others gets more tries.
 
@@ -207,11 +223,11 @@ class Rig:
         raise AssertionError(f"the robot stood after {times} s")
 
     def make_ready(self):
-        """As new: no controller, a good camera, the robot at its start."""
+        """As new: no controller, a good camera, the robot at its start; its clock at that time."""
         self.end_controllers()
         if self.relay:
             self.relay.mode = "pass"
-        self.bench.reset(Reset(seed=1))
+        return self.bench.reset(Reset(seed=1)).time
 
     def end_controllers(self):
         while self.controllers:
@@ -221,6 +237,8 @@ class Rig:
         self.end_controllers()
         self.session.close()
         self.emulator.end()
+        if self.router:
+            self.router.kill()
 
 
 @contextmanager
@@ -232,4 +250,27 @@ def rig(folder, *options, **settings):
         bench.close()
 
 
-__all__ = ["MOVING", "STANDING", "BenchError", "CameraRelay", "Controller", "Rig", "rig", "zenoh"]
+def longest_stretch(samples, *, moving):
+    """Seconds that the wheels turned, or stood, at a stretch."""
+    longest, begin = 0.0, None
+    for now, speed in samples:
+        if (speed > STANDING) is not moving:
+            begin = None
+        elif begin is None:
+            begin = now
+        else:
+            longest = max(longest, now - begin)
+    return longest
+
+
+__all__ = [
+    "MOVING",
+    "STANDING",
+    "BenchError",
+    "CameraRelay",
+    "Controller",
+    "Rig",
+    "longest_stretch",
+    "rig",
+    "zenoh",
+]

@@ -177,3 +177,20 @@ def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(bench, m
     bench.restart_emulator()
     controller.wait_for_steps(3)
     assert interrupted(controller) > 0
+
+
+def test_a_robot_stops_while_its_router_is_gone_and_goes_on_when_it_is_back(map_file, tmp_path):
+    with rig(tmp_path, routed=True) as bench:
+        controller = drive(bench, map_file)
+
+        def lose_the_router():
+            if bench.router.process.poll() is not None:
+                bench.router.start()
+                controller.wait_for_steps(1)
+                bench.wait_until_moving()
+            bench.router.kill()
+
+        assert bench.stops_within(LIMIT, lose_the_router)
+        bench.router.start()
+        controller.wait_for_steps(2)
+        assert interrupted(controller) > 0

@@ -1,0 +1,76 @@
+"""A training on a robot as a process of its own: `python training_process.py JSON`.
+
+The JSON text holds `path` of the map, `port`, how many commands are `random`, and where they are
+wanted `baud`, `camera`, Zenoh's `listen`, the emulator's `endpoint`, `zenoh_config`, and half-way
+`trouble`: `full disk` (no file can grow) or `clock jump`. A line `step` is printed at the beginning
+and for each command; at the end how many transitions the map holds, or the error.
+"""
+
+import json
+import resource
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from macor_hil.brain import Settings
+from macor_hil.cameras.checks import CheckedCamera, limits_for
+from macor_hil.cameras.watch import CameraWatch
+from macor_hil.caretaker import Caretaker
+from macor_hil.checkpoints import train_map
+from macor_hil.drive import Driver
+from macor_hil.errors import MacorError
+from macor_hil.hardware import is_embedded, open_hardware
+from macor_hil.telemetry.session import open_session
+from macor_hil.training import Recovery, Schedule
+
+TUNING = 15
+
+
+def no_room():
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+
+
+def jump():
+    read = time.time
+    time.time = lambda: read() + 3600.0
+
+
+TROUBLES = {"full disk": no_room, "clock jump": jump}
+
+
+def train(path, port, *, random, trouble="", baud=9600, camera="auto", **zenoh):
+    schedule = Schedule(TUNING, random, 0, session=60, recovery=Recovery.BACK)
+    settings = Settings()
+    half = TUNING + random // 2
+
+    def progress(done):
+        print("step", flush=True)
+        if trouble and done == half:
+            TROUBLES[trouble]()
+
+    with ExitStack() as stack:
+        session = None
+        if not is_embedded(port):
+            file = Path(zenoh["zenoh_config"]) if zenoh.get("zenoh_config") else None
+            session = stack.enter_context(
+                open_session([zenoh["listen"]], [zenoh["endpoint"]], file)
+            )
+        hardware = stack.enter_context(open_hardware(port, camera, baud=baud, session=session))
+        eyes = CheckedCamera(hardware.camera, limits_for(settings.mirror))
+        watch = stack.enter_context(CameraWatch(eyes))
+        devices = Driver(hardware.robot, guard=watch.guard), eyes, None
+        care = Caretaker(hardware.robot, eyes)
+        return train_map(Path(path), settings, schedule, "here", devices, progress, care, 1)
+
+
+def main():
+    try:
+        brain = train(**json.loads(sys.argv[1]))
+        print(int(brain.map.transitions().z.sum()), flush=True)
+    except MacorError as error:
+        print(f"{type(error).__name__}: {error}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
