@@ -34,6 +34,7 @@ TRUTH_RATE = 10.0
 WIRE_RATE = 10.0
 """Times a second that what passed on the line is published, while someone listens."""
 
+_HARMLESS = frozenset({"truth", "arena"})
 _MOST_WAITING = 64
 _ENCODINGS = {"png": zenoh.Encoding.IMAGE_PNG, "jpeg": zenoh.Encoding.IMAGE_JPEG}
 _JPEG_FRAME = CameraQuery(encoding="jpeg").model_dump_json().encode()
@@ -62,6 +63,8 @@ class SideChannel:
         camera_rate: frames a second of the camera's stream.
         beside: another robot's channel, whose session it shares instead of one of its own.
         config: Zenoh's own configuration, instead of `listen` and `connect`.
+        looking: offer the arena and the truth alone: nothing that could change what happens, as a
+            reset or another picture with noise of its own would.
 
     Raises:
         EmulatorError: an endpoint is malformed or already in use.
@@ -75,6 +78,8 @@ class SideChannel:
         camera_rate: float = 10.0,
         beside: "SideChannel | None" = None,
         config: Path | None = None,
+        *,
+        looking: bool = False,
     ) -> None:
         self._waiting: deque[tuple[_Replier, zenoh.Query]] = deque()
         with ExitStack() as stack:
@@ -90,8 +95,9 @@ class SideChannel:
             session = self._session
             self._tap = WireTap()
             answers = {**_ANSWERS, "wire": lambda _, __: _json(self._tap.since(0))}
+            offered = _HARMLESS if looking else {*answers}
             for key in EMULATOR_KEYS:
-                if key.leaf in answers:
+                if key.leaf in offered:
                     replier = _Replier(session, robot, key, answers[key.leaf])
                     session.declare_queryable(replier.name, self._enqueue(replier))
             # streams of one rate are due together: one wake-up for all of them
@@ -103,6 +109,7 @@ class SideChannel:
                     ("truth", TRUTH_RATE, _truth, b""),
                     ("wire", WIRE_RATE, _fresh_entries(self._tap), b""),
                 )
+                if leaf in offered
             ]
             self._alive = session.liveliness().declare_token(robot_key(robot, "alive"))
             self._stack = stack.pop_all()

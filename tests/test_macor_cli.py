@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -14,6 +15,8 @@ from test_map_file import change_meta
 
 from macor_hil import cli
 from macor_hil.map_file import VERSION
+from macor_hil.telemetry.feed import Arrival, Feed
+from macor_hil.telemetry.session import open_session
 
 SHORT = ("--tuning", "20", "--random", "30", "--reactive", "10", "--nodes", "10")
 
@@ -57,6 +60,7 @@ def refusal(done: subprocess.CompletedProcess[str]) -> str:
         (("run", "--map", "{map}", "--camera", "video:none.mp4"), "cannot open the video source"),
         (("run", "--map", "{map}", "--listen", "here"), "an endpoint looks like"),
         (("train", "--map", "{map}"), "train it anew with --restart"),
+        (("train", "--map", "b.npz", "--port", "x", "--listen", "y"), "needs a khepera:// port"),
         (("train", "--map", "b.npz", "--port", "khepera://moon"), "unknown arena 'moon'"),
         (("trials", "--map", "none.npz"), "there is no map none.npz"),
         (("look", "--camera", "port", "--port", "loop://"), "received b'B': another reply"),
@@ -132,3 +136,20 @@ def test_a_port_in_use_is_told(tmp_path: Path) -> None:
         done = macor_hil("train", "--map", "c.npz", "--port", running.path, folder=tmp_path)
     assert "cannot open the serial port" in refusal(done)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_training_can_be_watched_and_learns_the_same(trained: Path) -> None:
+    endpoint = free_endpoint()
+    command = ("train", "--map", "b.npz", *SHORT, "--listen", endpoint)
+    seen: dict[str, bytes] = {}
+    with open_session([], [endpoint]) as session, Feed(session, "khepera", camera=True) as feed:
+        with ThreadPoolExecutor() as pool:
+            done = pool.submit(macor_hil, *command, folder=trained.parent)
+            while not done.done():
+                event = feed.get(0.1)
+                if isinstance(event, Arrival):
+                    seen[event.leaf] = event.data
+        assert done.result().returncode == 0, done.result().stderr
+    # what would draw on the robot's chance is not offered
+    assert set(seen) == {"arena", "truth"}
+    assert (trained.parent / "b.npz").read_bytes() == trained.read_bytes()

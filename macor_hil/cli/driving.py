@@ -178,8 +178,14 @@ def demo(
     settings = DemoSettings(map_file=map_file, link=folder / "khepera", speed=speed)
     if not map_file.exists():
         typer.echo(f"training {map_file} in virtual time (the robot itself would take hours)")
-        train(port=settings.training_port, map_file=map_file, seed=settings.seed)
-    typer.echo("driving live; watch from another terminal with: macor-hil monitor")
+        typer.echo("watch it from another terminal: macor-hil dashboard")
+        train(
+            port=settings.training_port,
+            map_file=map_file,
+            seed=settings.seed,
+            listen=[settings.emulator],
+        )
+    typer.echo("driving live; watch from another terminal: macor-hil dashboard, or monitor")
     result = run_demo(
         settings, lambda name, decision: typer.echo(f"{name:12} {decision_line(decision)}")
     )

@@ -33,6 +33,7 @@ from macor_hil.cli.options import (
     ZenohConfigOption,
     hardware_of,
     progress_bar,
+    shown,
 )
 from macor_hil.demo import DEFAULT_SEED
 from macor_hil.drive import Driver, DriveSettings
@@ -78,6 +79,12 @@ def train(
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,
     profile: ProfileOption = None,
+    listen: Annotated[
+        list[str],
+        typer.Option(
+            metavar="ENDPOINT", help="Where watchers find an emulated robot inside this process."
+        ),
+    ] = [],  # noqa: B006 - typer copies it
     restart: Annotated[
         bool, typer.Option("--restart", help="Begin anew, even with a map or checkpoint there.")
     ] = False,
@@ -87,6 +94,8 @@ def train(
     A training that was interrupted goes on from its last checkpoint when started again. Without
     the emulator's reset that is after every command: stop with Ctrl-C when the battery is low.
     """
+    if listen and not is_embedded(port):
+        raise MacorError("--listen shows a robot in this process, and needs a khepera:// port")
     if restart:
         checkpoint_path(map_file).unlink(missing_ok=True)
     elif map_file.exists():
@@ -106,8 +115,14 @@ def train(
         settings = replace(settings, mirror=mirror)
     with (
         hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware,
-        progress_bar(schedule.commands) as progress,
+        progress_bar(schedule.commands) as count,
+        shown(hardware, robot, listen) as show,
     ):
+
+        def progress(done: int) -> None:
+            count(done)
+            show()
+
         eyes = CheckedCamera(hardware.camera, limits_for(settings.mirror))
         if schedule.recovery is Recovery.RESET:
             devices = Driver(hardware.robot, drive), eyes, hardware.bench

@@ -17,6 +17,7 @@ from rich.progress import (
 
 from macor_hil.cameras import Camera, open_camera
 from macor_hil.demo import DEFAULT_SEED
+from macor_hil.errors import MacorError
 from macor_hil.hardware import Hardware, is_embedded, open_hardware
 from macor_hil.line import open_port
 from macor_hil.telemetry.schemas import Decision
@@ -123,6 +124,33 @@ def camera_of(
         eyes = open_camera(camera, port=opened, session=session, robot=robot)
         stack.callback(eyes.close)
         yield eyes
+
+
+@contextmanager
+def shown(hardware: Hardware, robot: str, listen: list[str]) -> Iterator[Callable[[], None]]:
+    """Let watchers see arena and robot of a `khepera://` port; call again and again to tell them.
+
+    Raises:
+        MacorError: an endpoint cannot be had.
+    """
+    if not listen:
+        yield lambda: None
+        return
+    port = hardware.robot.port
+    from khepera_emulator.errors import EmulatorError
+    from khepera_emulator.side_channel import SideChannel
+
+    with ExitStack() as stack:
+        try:
+            channel = stack.enter_context(SideChannel(robot, listen, looking=True))
+        except EmulatorError as error:
+            raise MacorError(str(error)) from None
+
+        def show() -> None:
+            if channel.delay() <= 0.0:
+                channel.serve(port.emulator)
+
+        yield show
 
 
 @contextmanager
