@@ -2,6 +2,8 @@
 #   make run    an emulated robot learns and drives the curve
 #   make test   style, types and tests
 #   make bench  speed, as ratios (two minutes)
+#   make soak   long use of the serial line (a quarter of an hour)
+#   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults a live run and what may befall it (ten minutes)
 
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
@@ -9,7 +11,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint bench faults lock clean
+.PHONY: run test lint bench soak pyserial-suite faults lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -25,6 +27,12 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python benchmarks/run.py
+
+soak: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/soak.py
+
+pyserial-suite: $(READY)
+	$(BIN)/python tests/pyserial_suite.py
 
 faults: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/faults.py

@@ -356,10 +356,11 @@ def _parse_baud(text: str) -> int | None:
 def _same_robot(ctx: typer.Context, faults: list[str], number: int) -> str:
     """URL of an in-process robot with the same options, one of as many."""
     options = [("fault", spec) for spec in faults]
-    for name in ("model", "seed", "drift", "baud", "turret", "firmware"):
+    for name in ("model", "seed", "drift", "baud", "turret", "firmware", "dead_man"):
         value = ctx.params.get(name)
         values = value if isinstance(value, list | tuple) else [value]
-        options += [(name, str(each)) for each in values if each is not None]
+        named = name.replace("_", "-")
+        options += [(named, str(each)) for each in values if each is not None]
     if ctx.params["robots"] > 1:
         options += [("robots", str(ctx.params["robots"])), ("robot", str(number))]
     return robot_url(ctx.params["arena"], options)

@@ -169,7 +169,7 @@ class TestAnotherRate:
 
         def exchange(client, request):
             client.write(request)
-            line.look([])
+            line.look(set())
             line.take(emulated.now)
             emulated.advance(emulated.now + 1.0)
             count = emulated.uart.queued()
@@ -433,14 +433,14 @@ class TestHangUp:
 
         with serial.Serial(port.url) as first:
             first.write(b"B\n")
-            look([])
+            look(set())
         with serial.Serial(port.url, timeout=0.1) as second:
             line.hand_over()
             assert second.read(1) == b""
-            look([max(port.descriptors(room=True)) + 1])  # only somebody else is ready
+            look({max(port.descriptors(room=True)) + 1})  # only somebody else is ready
             assert emulated.uart.queued() == 0
             second.write(b"H\n")
-            look([])
+            look(set())
             line.hand_over()
             assert second.read(7) == b"h,0,0\r\n"
         port.close()

@@ -100,6 +100,14 @@ def test_faults_are_taken_from_the_url():
             port.readline()
 
 
+def test_a_robot_with_a_dead_man_stop_rolls_no_further():
+    with open_port("khepera://corridor?dead-man=0.5") as port:
+        ask(port, b"D,5,5")
+        port.timeout = 2.0
+        port.read(1)
+        assert ask(port, b"H") == ask(port, b"H")
+
+
 def test_a_robot_that_resets_forgets_and_says_its_banner():
     with open_port("khepera://corridor?fault=reset:at=1.5") as port:
         assert ask(port, b"D,5,5") == b"d\r\n"
@@ -268,6 +276,8 @@ def test_a_closed_port_refuses(port):
         ("khepera://corridor?seed=x", "seed='x' is not a whole number"),
         ("khepera://corridor?seed=", "seed='' is not a whole number"),
         ("khepera://corridor?seed=-1", "seed='-1' is not a whole number"),
+        ("khepera://corridor?dead-man=0", "dead-man='0' is no number of seconds"),
+        ("khepera://corridor?dead-man=inf", "dead-man='inf' is no number of seconds"),
         ("khepera://corridor?baud=fast", "baud='fast' is not a whole number"),
         ("khepera://corridor?baud=0", "baud=0 is no rate"),
         ("khepera://corridor?fault=fire", "cannot read the fault 'fire'"),

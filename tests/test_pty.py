@@ -146,6 +146,15 @@ class TestClients:
             assert unread(second) == b""
         assert received(port) == [b""]
 
+    def test_that_write_nothing_hide_none_who_wrote_before(self, port):
+        with client(port) as first:
+            os.write(first, b"N\n")
+        with client(port):
+            pass
+        with client(port) as third:
+            os.write(third, b"B\n")
+            assert received(port) == [b"N\n", b"", b"B\n"]
+
     def test_that_read_already_are_not_left_with_half_a_line(self, port):
         with client(port) as first:
             os.write(first, b"N\n")

@@ -40,7 +40,9 @@ def recorded(tmp_path_factory):
     # requests are bent, not replies: how many bytes come before the stray ones hangs on real time
     faults = ("flip:p=0.03,dir=request", "delay:p=0.02,time=0.01", "stray:at=0.1,text=tick\\n")
     options = [word for fault in faults for word in ("--fault", fault)]
-    with emulator("--no-zenoh", "--seed", "3", "--record", str(path), *options) as running:
+    with emulator(
+        "--no-zenoh", "--seed", "3", "--dead-man", "60", "--record", str(path), *options
+    ) as running:
         for rate in (9600, 38400):
             with serial.Serial(running.path, rate, timeout=0.2) as port:
                 for request in SESSION:
@@ -57,6 +59,7 @@ class TestRecording:
         assert log.url.startswith(
             "khepera://corridor?fault=flip%3Ap%3D0.03%2Cdir%3Drequest&fault=delay"
         )
+        assert log.url.endswith("&dead-man=60.0")
         assert b"".join(each.data for each in log.entries if each.what == "request") == (
             b"".join((*SESSION, b"N\nN\n")) * 2
         )

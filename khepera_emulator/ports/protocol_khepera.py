@@ -21,10 +21,12 @@ Options after `?`, joined with `&`:
                    nobody talks to the others
     firmware=NAME  a choice of `khepera_emulator.choices`, such as reject-beyond or
                    firmware=reached-within=2; repeatable
+    dead-man=S     the robot stops by itself after so many seconds without a request (never)
 
 Not modelled: break conditions and modem lines are accepted and do nothing.
 """
 
+import re
 from math import inf
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
@@ -36,8 +38,10 @@ from khepera_emulator.clock import on_grid
 from khepera_emulator.line_coding import LineFormat
 
 _REPEATABLE = ("fault", "turret", "firmware")
-_OPTIONS = ("seed", "model", "drift", "baud", "robots", "robot", *_REPEATABLE)
+_OPTIONS = ("seed", "model", "drift", "baud", "dead-man", "robots", "robot", *_REPEATABLE)
 _DIGITS = 18
+_SECONDS = re.compile(r"[0-9]{1,6}(\.[0-9]{0,9})?", re.ASCII)
+_LEAST_DEAD_MAN = 0.01
 _POLL_TIME = 1e-4
 """Seconds that asking for bytes takes when there are none, and nobody waits."""
 
@@ -90,6 +94,7 @@ class Serial(SerialBase):
                 faults=tuple(map(parse_fault, lists["fault"])),
                 turrets=check_turrets(lists["turret"]),
                 choices=parse_choices(lists["firmware"]),
+                dead_man=_dead_man(options.get("dead-man")),
             )
             robots = _whole("robots", options.get("robots", "1"), most=MOST_ROBOTS)
             robot = _whole("robot", options.get("robot", "1"), most=robots)
@@ -276,6 +281,17 @@ def _whole(name: str, text: str, most: int | None = None) -> int:
     if most is not None and not 1 <= int(text) <= most:
         raise SerialException(f"{name}={text} is not from 1 to {most}")
     return int(text)
+
+
+def _dead_man(text: str | None) -> float | None:
+    """Seconds that an option gives; None: never."""
+    if text is None:
+        return None
+    if not _SECONDS.fullmatch(text) or float(text) < _LEAST_DEAD_MAN:
+        raise SerialException(
+            f"dead-man={text!r} is no number of seconds of at least {_LEAST_DEAD_MAN}"
+        )
+    return float(text)
 
 
 def _rate(text: str) -> int | None:

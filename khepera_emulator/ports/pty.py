@@ -186,6 +186,8 @@ class PtyPort:
         for event in events:
             if event == OPENED:
                 if before and self._clients == 0:
+                    # also one before those who have left, and who have written nothing
+                    written = written or bool(change and change.left_bytes)
                     change = _Change(left_bytes=written)
                     written = read = False
                 self._clients += 1
