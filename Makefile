@@ -1,17 +1,19 @@
 # Everything happens in a virtual environment of the project's own; both main goals set it up.
 #   make run    an emulated robot learns and drives the curve
 #   make test   style, types and tests
-#   make bench  speed, as ratios (two minutes)
+#   make bench  speed, as ratios (ten minutes)
 #   make soak   long use of the serial line (a quarter of an hour)
+#   make soak-service     an hour of service under random faults, ten times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
-#   make faults a live run and what may befall it (ten minutes)
+#   make faults           a live run and what may befall it (twenty minutes)
+#   make stop-times       how long the robot rolls on when it must stop (ten minutes)
 
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint bench soak pyserial-suite faults lock clean
+.PHONY: run test lint bench soak soak-service pyserial-suite faults stop-times lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -36,6 +38,12 @@ pyserial-suite: $(READY)
 
 faults: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/faults.py
+
+stop-times: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/stop_times.py
+
+soak-service: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/soak_service.py
 
 # NumPy and setuptools come first: where there is no wheel of PyBullet (CPython above 3.11), pip
 # builds it, and only with NumPy at hand it hands out pictures as arrays.

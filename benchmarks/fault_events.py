@@ -11,8 +11,6 @@ from fault_lines import end_of
 from fault_trainings import kept_through, lost_in_training
 from rig import Rig
 
-from macor_hil.errors import BenchError
-
 
 class Event(NamedTuple):
     """Something that is done to a running robot, and undone."""
@@ -22,6 +20,8 @@ class Event(NamedTuple):
     undo: Callable[[Rig], None] = lambda _: None
     trouble: str = ""
     """What befalls the controller's process instead."""
+    instead: str = ""
+    """What to say where there is no clock to measure a stop with."""
 
 
 def event_row(bench: Rig, trained: Path, event: Event) -> tuple[str, ...]:
@@ -45,10 +45,7 @@ def event_row(bench: Rig, trained: Path, event: Event) -> tuple[str, ...]:
 
 def _befall(bench: Rig, event: Event) -> str:
     event.act(bench)
-    try:
-        stood = f"{bench.time_to_stand():.2f} s"
-    except BenchError:
-        stood = "the emulator was gone"
+    stood = event.instead or f"{bench.time_to_stand():.2f} s"
     event.undo(bench)
     return stood
 
@@ -95,8 +92,12 @@ def _nothing(_: Rig) -> None:
 
 EVENTS: Final = (
     *map(_camera, ("lost", "frozen", "late", "dark", "small", "garbage")),
-    Event("emulator killed and restarted", lambda bench: bench.restart_emulator()),
-    Event("emulator stopped for 2 s (SIGSTOP)", _freeze),
+    Event(
+        "emulator killed and restarted",
+        lambda bench: bench.restart_emulator(),
+        instead="the emulator was gone",
+    ),
+    Event("emulator stopped for 2 s (SIGSTOP)", _freeze, instead="its clock stood still"),
     Event("wall clock jumps by an hour", _nothing, trouble="clock jump"),
 )
 ROUTED: Final = Event(

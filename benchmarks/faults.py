@@ -20,6 +20,7 @@ from rig import rig
 
 from macor_hil.brain import Brain, Settings
 from macor_hil.drive import Driver
+from macor_hil.errors import BenchError
 from macor_hil.hardware import open_hardware
 from macor_hil.map_file import save_map
 from macor_hil.training import Schedule, Trainer
@@ -71,7 +72,7 @@ def _tried(measure: Callable[..., tuple[str, ...]], *arguments: Any) -> tuple[st
     """A row; once more where a machine busy with others was too slow for the bench itself."""
     try:
         return measure(*arguments)
-    except AssertionError:
+    except (AssertionError, BenchError):
         return measure(*arguments)
 
 
