@@ -28,6 +28,7 @@ EXPLAINED = frozenset(
         "test.Test0_DataWires.test3_RI",
         "test_cancel.TestCancelWrite.test_cancel_once",
         "test_high_load.TestHighLoad.test1_WriteWriteReadLoopback",
+        "test_readline.Test_Readline.test_for_in",
         "test_rs485.Test_RS485_class.test_RS485_class",
     }
 )
