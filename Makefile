@@ -29,6 +29,7 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/service.py
 
 soak: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak.py

@@ -1,7 +1,7 @@
 """`make bench`: figures of the serial line, the simulation and the controller, as ratios.
 
 Everything is measured in several rounds, in turn, and the medians are taken: a machine that is
-slower for a while is slower for both sides of a ratio.
+slower for a while is slower for both sides of a ratio. `service.py` measures the live service.
 """
 
 import os
@@ -20,7 +20,6 @@ from rich.table import Table
 from serial_line import Exchanges, WireTime
 from simulation import Fleets, Simulation
 from training_command import Presentations, TrainingCommand
-from watching import Recording, Watched
 
 _ROUNDS = 5
 _BENCHES = (
@@ -31,8 +30,6 @@ _BENCHES = (
     Peer,
     TrainingCommand,
     Presentations,
-    Recording,
-    Watched,
 )
 _HEAD = ("figure", "measured", "against, or made of", "ratio")
 
