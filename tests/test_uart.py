@@ -76,6 +76,14 @@ def test_requests_back_to_back_are_answered_in_order():
     assert times[2] - times[1] == INTERPRETER_TIME
 
 
+@pytest.mark.parametrize("later", [0.0002, 0.0014])
+def test_a_request_that_comes_meanwhile_waits_for_the_interpreter(later):
+    uart = Uart(115200)
+    first = ask(uart, b"A\n", b"a\r\n")
+    second = ask(uart, b"B\n", b"b\r\n", later)
+    assert second == first + INTERPRETER_TIME
+
+
 def test_nothing_is_executed_before_its_time():
     uart = Uart(115200)
     uart.receive(b"A\nB\n", 0.0)
