@@ -292,6 +292,27 @@ class TestClientsThatComeJustThen:
         assert port.receive(MUCH) == [b"", b"B\n"]
         assert self.is_answered(port, second())
 
+    def test_when_one_has_come_written_and_left_at_once(self, port, second, monkeypatch):
+        with client(port) as quick:
+            os.write(quick, b"N\n")
+        self.before(monkeypatch, port._terminal, "let_go", second)
+        assert port.receive(MUCH) == [b"N\n", b"", b"B\n"]
+        assert self.is_answered(port, second())
+
+    def test_when_the_event_of_a_writing_was_ahead_of_its_bytes(
+        self, port, first, second, monkeypatch
+    ):
+        read, late = port._terminal.read, [b""]
+        monkeypatch.setattr(
+            port._terminal, "read", lambda limit: late.pop() if late else read(limit)
+        )
+        os.write(first, b"O\n")
+        assert port.receive(MUCH) == []
+        os.close(first)
+        second()
+        assert port.receive(MUCH) == [b"O\n", b"", b"B\n"]
+        assert self.is_answered(port, second())
+
     def test_when_the_last_one_is_found_to_have_left(self, port, first, second, monkeypatch):
         os.write(first, b"O\n")
         os.close(first)

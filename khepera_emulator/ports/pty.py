@@ -127,9 +127,13 @@ class PtyPort:
             self._terminal.drop_unread()  # who has looked in may have been told something
         if not self._terminal.held and not self._clients:
             if any(event in _CLOSED for event in events):
-                change = self._settle() or change
+                follower = self._settle()
                 if not self._clients:
                     return self._end(data)
+                if follower:
+                    # what is at hand was written by the one that left
+                    follower.left_bytes = follower.left_bytes or bool(data)
+                    change = follower
             else:
                 self._clients = 1  # it has come when we opened the terminal, and both as one
         if change:
@@ -157,22 +161,28 @@ class PtyPort:
         # only now: whoever wrote this had opened the terminal before
         events = news = terminal.events()
         if not terminal.held and COMINGS.isdisjoint(events):
-            # whose bytes these are is clear, and whether more have come can wait until they are
-            # answered: see `descriptors`
-            self._kept_back = len(data) >= limit
-            self._doubt = WRITTEN in events and not self._kept_back
-            return data, events
-        self._doubt = False
+            # whose bytes these are is clear, and whether more have come can wait
+            return self._looked(data, events, limit)
         for _ in range(_LOOKS):
             # it may have been written since: otherwise a later client would pass for its writer
             if WRITTEN not in news or len(data) >= limit or not terminal.readable():
-                self._kept_back = len(data) >= limit
-                return data, events
+                return self._looked(data, events, limit)
             with suppress(EOFError):
                 data += terminal.read(limit - len(data))
             news = terminal.events()
             events = events + news
         self._kept_back = True
+        return data, events
+
+    def _looked(
+        self, data: bytes, events: tuple[int, ...], limit: int
+    ) -> tuple[bytes, tuple[int, ...]]:
+        """Remember whether something that was written before may come later than this."""
+        written = WRITTEN in events
+        # an event may come a little before its bytes
+        self._kept_back = len(data) >= limit or (written and not data)
+        # if there were more bytes by then: `descriptors` is asked once all has been answered
+        self._doubt = written and not self._kept_back
         return data, events
 
     def _count(self, events: tuple[int, ...]) -> _Change | None:
