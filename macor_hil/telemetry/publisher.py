@@ -2,6 +2,8 @@
 
 Nothing here ever waits for a watcher. A subscriber that hangs while its link is up would hold a
 blocking put for seconds, with a robot on the other line; so everything is dropped on congestion.
+A put takes its time for every watcher all the same, and a picture wants to be encoded: a thread of
+its own does that, while who drives waits for the robot.
 Decisions and states travel at a higher priority than frames and do not queue behind them.
 What is lost shows: the stamps count, and the latest decision and state can be asked for.
 """
@@ -17,6 +19,7 @@ import zenoh
 from macor_hil.cameras import Camera, Frame
 from macor_hil.errors import TelemetryError
 from macor_hil.telemetry.keys import ALIVE, DECISION, FRAME, LINK, MAP, STATE
+from macor_hil.telemetry.outbox import Outbox
 from macor_hil.telemetry.schemas import Decision, Learned, Link, State
 from macor_hil.telemetry.session import check_robot_name
 from protocol.keys import CONTROLLER, DESCRIBE, SCHEMA_MEDIA_TYPE, schema_name
@@ -48,6 +51,9 @@ class Publisher:
             self._links = _JsonKey(stack, session, controller_key(robot, LINK), Link)
             alive = session.liveliness().declare_token(controller_key(robot, ALIVE))
             stack.enter_context(alive)
+            self._outbox = stack.enter_context(
+                Outbox()
+            )  # the last: what it has left still goes out
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -57,28 +63,24 @@ class Publisher:
         self._stack.close()
 
     def frame(self, frame: Frame) -> None:
-        """Publish a mirror image as JPEG, if anyone listens.
-
-        Raises:
-            TelemetryError: the picture cannot be encoded.
-        """
-        self._frames.put(frame)
+        """Publish a mirror image as JPEG, if anyone listens."""
+        self._outbox.carry_out(lambda: self._frames.put(frame))
 
     def decision(self, decision: Decision) -> None:
         """Publish a decision."""
-        self._decisions.put(decision, decision.time)
+        self._outbox.carry_out(self._decisions.prepared(decision, decision.time))
 
     def learned(self, learned: Learned, time: float) -> None:
         """Publish what a run drives by, as of a time in seconds on the robot's clock."""
-        self._maps.put(learned, time)
+        self._outbox.carry_out(self._maps.prepared(learned, time))
 
     def link(self, link: Link) -> None:
         """Publish how the serial line does."""
-        self._links.put(link, link.time)
+        self._outbox.carry_out(self._links.prepared(link, link.time))
 
     def state(self, state: State, time: float) -> None:
         """Publish the controller's state, as of a time in seconds on the robot's clock."""
-        self._states.put(state, time)
+        self._outbox.carry_out(self._states.prepared(state, time))
 
 
 class WatchedCamera:
@@ -155,13 +157,14 @@ class _JsonKey(Generic[_P]):
         self._publisher = stack.enter_context(publisher)
         stack.enter_context(session.declare_queryable(key, self._answer))
 
-    def put(self, payload: _P, time: float) -> None:
+    def prepared(self, payload: _P, time: float) -> Callable[[], None]:
+        """What puts a payload on the key; who asks gets it from now on."""
         text = payload.model_dump_json()
         stamp = Stamp(sequence=self._sequence, time=time).model_dump_json()
         timestamp = self._session.new_timestamp()
         self._latest = text, stamp, timestamp
-        self._publisher.put(text, attachment=stamp, timestamp=timestamp)
         self._sequence += 1
+        return lambda: self._publisher.put(text, attachment=stamp, timestamp=timestamp)
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:
