@@ -21,7 +21,7 @@ class View:
         features: the untuned features of the frame.
         resonance: the situation that it was taken for.
         neuron: that situation, entered by the last command.
-        memberships: how much it belongs to each situation.
+        memberships: how much it belongs to each graded situation.
     """
 
     frame: Frame
@@ -87,8 +87,7 @@ class Agent:
         after = self._look(command, learn)
         if learn:
             self.brain.map.learn(view.neuron, after.neuron, r)
-            then = None if outcome.collided else after.memberships
-            self.brain.graded.learn(view.memberships, command, then, r)
+            self.brain.experience(view.features, command, after.features, collided=outcome.collided)
         return Step(view, plan, command, outcome, r, after)
 
     def planned(self, planner: Planner, fallback: Callable[[], int]) -> Choice:

@@ -5,9 +5,11 @@ No port, camera, file or clock: a picture goes in and a situation comes out.
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from macor_hil.clustering.fuzzy_art import FuzzyArt, Resonance
-from macor_hil.clustering.membership import WIDTH, Array, memberships
-from macor_hil.drive import COMMANDS, STRAIGHT
+from macor_hil.clustering.membership import WIDTH, Array, Prototypes, placed
+from macor_hil.drive import COMMANDS, MIRRORED, STRAIGHT
 from macor_hil.graded_map import GradedMap
 from macor_hil.memory import Memory
 from macor_hil.reinforcement import Reinforcement
@@ -57,6 +59,7 @@ class Brain:
         self.art = FuzzyArt(self.fields.size, settings.nodes, settings.vigilance, settings.alpha)
         self.map = SensorimotorMap(settings.nodes, len(COMMANDS), settings.competence)
         self.graded = GradedMap(settings.nodes, len(COMMANDS))
+        self.prototypes = Prototypes(np.zeros((settings.nodes, self.fields.size)), settings.width)
 
     @property
     def memory(self) -> Memory:
@@ -76,6 +79,40 @@ class Brain:
         return self.art.present(self.fields.tune(raw), learn=learn)
 
     def memberships(self, raw: Features) -> Array:
-        """How much untuned features belong to each situation, shape (n,)."""
-        distances = self.art.distances(self.fields.tune(raw))
-        return memberships(distances, self.settings.nodes, self.settings.width)
+        """How much untuned features belong to each prototype, shape (n,)."""
+        return self.prototypes.memberships(self.fields.tune(raw))
+
+    def tune(self, seen: Features, rng: np.random.Generator) -> None:
+        """Fit the eyes to a first drive: the fields' ranges, and where the prototypes lie.
+
+        Args:
+            seen: untuned features, shape (frames, M).
+            rng: see `membership.placed`.
+        """
+        self.fields = self.fields.tuned_to(seen)
+        x = self.fields.tune(seen)
+        both = np.concatenate([x, self.fields.mirrored(x)])
+        self.prototypes = placed(both, self.settings.nodes, rng, self.settings.width)
+
+    def experience(
+        self, before: Features, command: int, after: Features, *, collided: bool
+    ) -> None:
+        """Count what a command led to among graded situations, and the mirror image of that.
+
+        A robot that is the same on both sides would have experienced that, too.
+
+        Args:
+            before: untuned features before the command, shape (M,).
+            command: its index.
+            after: untuned features after it, shape (M,).
+            collided: whether it ended in a collision.
+        """
+        seen, then = self.fields.tune(before), self.fields.tune(after)
+        self._count(seen, command, then, collided)
+        mirrored = self.fields.mirrored
+        self._count(mirrored(seen), MIRRORED[command], mirrored(then), collided)
+
+    def _count(self, before: Features, command: int, after: Features, collided: bool) -> None:
+        then = None if collided else self.prototypes.memberships(after)
+        r = self.settings.reinforcement(COMMANDS[command], collided)
+        self.graded.learn(self.prototypes.memberships(before), command, then, r)

@@ -35,6 +35,9 @@ STRAIGHT = MotorCommand("straight", 0.0)
 COMMANDS = (LEFT, RIGHT, STRAIGHT)
 """The three commands of the paper's section 3.1: s = 2.1 cm each, turning 12, -12 or 0 degrees."""
 
+MIRRORED = (COMMANDS.index(RIGHT), COMMANDS.index(LEFT), COMMANDS.index(STRAIGHT))
+"""Index of the command that drives the mirror image of each."""
+
 
 @dataclass(frozen=True, slots=True)
 class DriveSettings:

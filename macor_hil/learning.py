@@ -25,19 +25,22 @@ class Moment(NamedTuple):
         raw: untuned features of the frame.
         command: index of the command that led to it; None where a drive began.
         reinforcement: what that command earned.
+        collided: whether it ended in a collision.
     """
 
     raw: Features
     command: int | None
     reinforcement: float
+    collided: bool
 
 
-def learn(brain: Brain, recordings: Iterable[Sequence[Event]]) -> int:
-    """Tune a brain's receptive fields to what was seen, then learn what followed what.
+def learn(brain: Brain, recordings: Iterable[Sequence[Event]], rng: np.random.Generator) -> int:
+    """Tune a brain's eyes to what was seen, then learn what followed what.
 
     Args:
         brain: a new one; changed in place.
         recordings: events of recorded drives.
+        rng: see `Brain.tune`.
 
     Returns:
         How many commands were learned from.
@@ -50,18 +53,17 @@ def learn(brain: Brain, recordings: Iterable[Sequence[Event]]) -> int:
     driven = sum(moment.command is not None for drive in drives for moment in drive)
     if not driven:
         raise RecordingError("there is no decision with the frames before and after it")
-    brain.fields = brain.fields.tuned_to(
-        np.array([moment.raw for drive in drives for moment in drive])
-    )
+    brain.tune(np.array([moment.raw for drive in drives for moment in drive]), rng)
     for drive in drives:
-        before = None
+        before: tuple[int, Features] | None = None
         for moment in drive:
             node = brain.recognise(moment.raw, learn=True).node
             command = FIRST_COMMAND if moment.command is None else moment.command
             neuron = brain.map.neuron(node, command)
             if before is not None and moment.command is not None:
-                brain.map.learn(before, neuron, moment.reinforcement)
-            before = neuron
+                brain.map.learn(before[0], neuron, moment.reinforcement)
+                brain.experience(before[1], command, moment.raw, collided=moment.collided)
+            before = neuron, moment.raw
     return driven
 
 
@@ -83,6 +85,7 @@ def _moments(brain: Brain, events: Sequence[Event]) -> Iterator[Moment]:
             if len(seen) < 2 or abs(seen[-2][0] - decision.frame_time) > _SAME_TIME:
                 continue  # a frame did not arrive
             if seen[-2][0] != last:
-                yield Moment(seen[-2][1], None, 0.0)
-            yield Moment(seen[-1][1], names.index(decision.command), decision.reinforcement)
+                yield Moment(seen[-2][1], None, 0.0, False)
+            command = names.index(decision.command)
+            yield Moment(seen[-1][1], command, decision.reinforcement, decision.collided)
             last = seen[-1][0]

@@ -20,7 +20,7 @@ from macor_hil.brain import Brain, Settings
 from macor_hil.errors import MacorError, MapError
 
 FORMAT: Final = "macor map"
-VERSION: Final = 2
+VERSION: Final = 3
 
 _SETTINGS = TypeAdapter(Settings)
 
@@ -53,6 +53,7 @@ def save_map(path: Path, brain: Brain, training: dict[str, Any]) -> None:
         past=known.past.astype(np.int32),
         z=known.z,
         w_r=known.w_r,
+        prototypes=brain.prototypes.centres,
         led_to=brain.graded.led_to,
         tried=brain.graded.tried,
         earned=brain.graded.earned,
@@ -124,5 +125,9 @@ def _restore(meta: dict[str, Any], arrays: dict[str, Any]) -> Brain:
         raise ValueError(f"weights of shape {weights.shape} do not fit the settings")
     brain.art.load(weights)
     brain.map.load(*(arrays[name] for name in ("present", "past", "z", "w_r")))
+    prototypes = arrays["prototypes"]
+    if prototypes.shape != brain.prototypes.centres.shape:
+        raise ValueError(f"prototypes of shape {prototypes.shape} do not fit the settings")
+    brain.prototypes = replace(brain.prototypes, centres=prototypes)
     brain.graded.load(*(arrays[name] for name in ("led_to", "tried", "earned")))
     return brain

@@ -146,7 +146,7 @@ class Trainer:
             scratch = Agent(Brain(self._brain.settings), self._driver, self._camera)
             for view in self._drive(session, scratch, rng, progress, done):
                 self.seen.append(view.features.tolist())
-            self._brain.fields = self._brain.fields.tuned_to(np.array(self.seen))
+            self._brain.tune(np.array(self.seen), rng)
         else:
             agent = Agent(self._brain, self._driver, self._camera)
             for _ in self._drive(session, agent, rng, progress, done):

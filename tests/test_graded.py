@@ -1,13 +1,17 @@
 """Graded situations: memberships, shared-out counts, and the planner between the nodes."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from macor_hil.brain import Brain, Settings
 from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.membership import memberships
+from macor_hil.clustering.membership import Prototypes, memberships, placed
+from macor_hil.drive import COMMANDS, LEFT, RIGHT, STRAIGHT
 from macor_hil.graded_map import GradedMap
 from macor_hil.memory import Memory
 from macor_hil.planners.graded import Graded
@@ -29,16 +33,15 @@ def memory_of(graded):
 
 @given(arrays(float, st.integers(1, 8), elements=st.floats(0, 20)))
 def test_memberships_sum_to_one_and_fall_with_distance(distances):
-    shares = memberships(distances, 10)
-    assert shares.shape == (10,)
+    shares = memberships(distances)
+    assert shares.shape == distances.shape
     assert shares.sum() == pytest.approx(1.0)
-    assert not shares[len(distances) :].any()
     order = np.argsort(distances, kind="stable")
     assert (np.diff(shares[order]) <= 1e-12).all()
 
 
 def test_a_membership_falls_to_one_in_e_at_the_width():
-    shares = memberships(np.array([0.0, 0.3]), 2, width=0.3)
+    shares = memberships(np.array([0.0, 0.3]), width=0.3)
     assert shares[1] / shares[0] == pytest.approx(np.exp(-1))
 
 
@@ -48,6 +51,61 @@ def test_distances_are_how_far_an_input_lies_outside_each_box():
     # the first box goes from (0.2, 0.2) to (0.4, 0.3)
     assert art.distances(np.array([0.3, 0.25])) == pytest.approx([0.0, 1.25])
     assert art.distances(np.array([0.5, 0.1])) == pytest.approx([0.1 + 0.1, 1.2])
+
+
+def test_an_input_belongs_to_the_prototypes_around_it():
+    prototypes = Prototypes(np.array([[0.0, 0.0], [1.0, 0.0]]), width=0.5)
+    assert prototypes.memberships(np.array([0.5, 0.3])) == pytest.approx([0.5, 0.5])
+    near, far = prototypes.memberships(np.array([0.2, 0.0]))
+    assert far / near == pytest.approx(np.exp((0.2 - 0.8) / 0.5))
+
+
+def test_prototypes_are_spread_over_all_that_was_seen():
+    rng = np.random.default_rng(5)
+    groups = rng.uniform(size=(4, 6))
+    # most inputs look alike; the others get prototypes all the same
+    inputs = np.repeat(groups, [900, 40, 30, 30], axis=0) + rng.normal(0.0, 0.003, (1000, 6))
+    found = placed(inputs, 4, rng).centres
+    nearest = np.abs(found[:, None] - groups).sum(axis=2).argmin(axis=1)
+    assert sorted(nearest) == [0, 1, 2, 3]
+    assert np.abs(found - groups[nearest]).max() < 0.01
+
+
+def test_the_same_seed_places_the_same_prototypes():
+    inputs = np.random.default_rng(1).uniform(size=(300, 8))
+    first, again, other = (placed(inputs, 20, np.random.default_rng(s)).centres for s in (7, 7, 8))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_few_inputs_make_equal_prototypes():
+    inputs = np.array([[0.1, 0.9], [0.8, 0.2]])
+    prototypes = placed(inputs, 5, np.random.default_rng(1))
+    assert prototypes.centres.shape == (5, 2)
+    assert {tuple(row.round(5)) for row in prototypes.centres} == {(0.1, 0.9), (0.8, 0.2)}
+
+
+def test_what_a_brain_experiences_it_knows_for_the_mirror_image_too():
+    rng = np.random.default_rng(2)
+    brain = Brain(Settings(nodes=6))
+    seen = rng.uniform(size=(40, brain.fields.size))
+    brain.tune(seen, rng)
+    left, right = COMMANDS.index(LEFT), COMMANDS.index(RIGHT)
+    for raw, then in pairwise(seen):
+        brain.experience(raw, left, then, collided=False)
+        brain.experience(raw, right, then, collided=True)
+    turned = Brain(Settings(nodes=6))
+    turned.fields, turned.prototypes = brain.fields, brain.prototypes
+    mirrored = brain.fields.mirrored(seen)
+    for raw, then in pairwise(mirrored):
+        turned.experience(raw, right, then, collided=False)
+        turned.experience(raw, left, then, collided=True)
+    np.testing.assert_allclose(turned.graded.led_to, brain.graded.led_to)
+    np.testing.assert_allclose(turned.graded.earned, brain.graded.earned)
+    # a collision is followed by nothing, a drive by something, whichever way round
+    assert brain.graded.led_to[:, left].sum() == pytest.approx(39)
+    assert brain.graded.tried[:, left].sum() == pytest.approx(78)
+    assert not brain.graded.led_to[:, COMMANDS.index(STRAIGHT)].any()
 
 
 def test_an_experience_is_shared_out_among_the_situations():

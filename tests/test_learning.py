@@ -71,7 +71,7 @@ def drive():
 def test_every_command_is_learned_with_what_it_earned(drive):
     events, steps = drive
     brain = Brain(Settings())
-    assert learn(brain, [events]) == len(steps)
+    assert learn(brain, [events], np.random.default_rng(0)) == len(steps)
     assert square(brain.map, "z").sum() == len(steps)
     present, _ = np.nonzero(square(brain.map, "z"))
     by_command = square(brain.map, "z").sum(axis=1).reshape(-1, len(COMMANDS)).sum(axis=0)
@@ -80,19 +80,23 @@ def test_every_command_is_learned_with_what_it_earned(drive):
     assert earned == {0.54, 0.62}
     assert brain.fields.low != (0.0, 0.0, 0.0)
     assert len(present) > 0
+    # each command counts as it was, and as its mirror image
+    shared = brain.graded.tried.sum(axis=0)
+    left, right, straight = (CHOICES.count(k) for k in range(3))
+    assert shared == pytest.approx([left + right, left + right, 2 * straight])
 
 
 def test_a_frame_that_did_not_arrive_breaks_the_chain_and_nothing_else(drive):
     events, steps = drive
     brain = Brain(Settings())
     # without the frame between the third and the fourth command, both cannot be learned
-    assert learn(brain, [events[:5] + events[6:]]) == len(steps) - 2
+    assert learn(brain, [events[:5] + events[6:]], np.random.default_rng(0)) == len(steps) - 2
     assert square(brain.map, "z").sum() == len(steps) - 2
 
 
 def test_what_holds_no_drive_cannot_be_learned_from():
     with pytest.raises(RecordingError, match="no decision with the frames"):
-        learn(Brain(Settings()), [a_life(0)])
+        learn(Brain(Settings()), [a_life(0)], np.random.default_rng(0))
 
 
 def test_the_command_makes_a_map(drive, tmp_path):

@@ -21,7 +21,9 @@ def a_brain() -> Brain:
         brain.art.present(rng.uniform(size=brain.fields.size))
     for _ in range(200):
         brain.map.learn(*rng.integers(brain.map.size, size=2).tolist(), float(rng.uniform()))
-    brain.fields = brain.fields.tuned_to(rng.uniform(size=(50, 36)))
+    seen = rng.uniform(size=(50, 36))
+    brain.tune(seen, rng)
+    brain.experience(seen[0], 1, seen[1], collided=False)
     return brain
 
 
@@ -35,6 +37,10 @@ def test_a_map_comes_back_as_it_was(tmp_path: Path) -> None:
     assert (again.art.weights == brain.art.weights).all()
     assert (square(again.map, "z") == square(brain.map, "z")).all()
     assert (square(again.map, "w_r") == square(brain.map, "w_r")).all()
+    assert (again.prototypes.centres == brain.prototypes.centres).all()
+    assert again.prototypes.width == brain.prototypes.width
+    for name in ("led_to", "tried", "earned"):
+        assert (getattr(again.graded, name) == getattr(brain.graded, name)).all()
     x = np.full(36, 0.3)
     assert again.art.present(x, learn=False) == brain.art.present(x, learn=False)
 

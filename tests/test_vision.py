@@ -66,6 +66,15 @@ def test_each_field_looks_most_into_its_own_direction() -> None:
     assert white.mean() == pytest.approx(10 / 120, rel=0.05)
 
 
+def test_the_mirror_image_of_what_is_seen_has_the_mirrored_features() -> None:
+    rng = np.random.default_rng(4)
+    panorama = rng.integers(0, 256, (32, 120, 3), dtype=np.uint8)
+    fields = ReceptiveFields(12)
+    seen = fields.raw(panorama)
+    np.testing.assert_allclose(fields.raw(panorama[:, ::-1]), fields.mirrored(seen))
+    assert not np.allclose(seen, fields.mirrored(seen))
+
+
 def test_tuned_features_fill_zero_to_one() -> None:
     rng = np.random.default_rng(0)
     raw = rng.uniform(0.4, 0.6, (400, 36))

@@ -240,6 +240,7 @@ def learn(
     map_file: MapOption = DEFAULT_MAP,
     nodes: Annotated[int, typer.Option(min=1, help="Most situations there can be.")] = 50,
     vigilance: Annotated[float, typer.Option(min=0.0, max=1.0, help="Fuzzy ART's rho.")] = 0.9,
+    seed: Annotated[int, typer.Option(min=0, help="Of where the prototypes begin.")] = 1,
 ) -> None:
     """Train a map from recordings of drives (see `record`), without a robot."""
     try:
@@ -251,7 +252,8 @@ def learn(
     if map_file.exists():
         raise MapError(f"the map {map_file} is there already; name another --map")
     brain = Brain(Settings(nodes=nodes, vigilance=vigilance))
-    driven = take_in(brain, [read_recording(file)[1] for file in files])
+    recordings = [read_recording(file)[1] for file in files]
+    driven = take_in(brain, recordings, np.random.default_rng(seed))
     save_map(map_file, brain, {"recordings": [str(file) for file in files]})
     typer.echo(
         f"{map_file}: {brain.art.size} situations, {len(brain.map)} transitions"

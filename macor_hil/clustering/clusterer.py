@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from macor_hil.clustering.fuzzy_art import Resonance
-from macor_hil.clustering.membership import memberships
 
 Array = NDArray[np.float64]
 
@@ -23,10 +22,6 @@ class Clusterer(Protocol):
         """Find the situation of an input of shape (M,), and learn it unless told otherwise."""
         ...
 
-    def distances(self, x: Array) -> Array:
-        """How far an input of shape (M,) lies from each node, summed over features: (size,)."""
-        ...
-
     def centres(self) -> Array:
         """Middle of the inputs that each node stands for, shape (size, M)."""
         ...
@@ -35,17 +30,6 @@ class Clusterer(Protocol):
 def situations(clusterer: Clusterer, inputs: Array, *, learn: bool) -> NDArray[np.int64]:
     """Present inputs of shape (T, M) in their order; the node of each, shape (T,)."""
     return np.array([clusterer.present(x, learn=learn).node for x in inputs], dtype=np.int64)
-
-
-def graded_situations(
-    clusterer: Clusterer, inputs: Array, nodes: int, width: float, *, learn: bool
-) -> Array:
-    """Present inputs of shape (T, M) in their order; the memberships of each, shape (T, nodes)."""
-    shares: Array = np.zeros((len(inputs), nodes))
-    for share, x in zip(shares, inputs, strict=True):
-        clusterer.present(x, learn=learn)
-        share[:] = memberships(clusterer.distances(x), nodes, width)
-    return shares
 
 
 def clusterer_errors(clusterer: Clusterer, inputs: Array) -> Array:

@@ -95,11 +95,6 @@ class NeuralGas:
             self._adapt(apart, distance)
         return Resonance(nearest, True, match)
 
-    def distances(self, x: Array) -> Array:
-        """How far an input lies from each node, summed over features: shape (size,)."""
-        away: Array = np.abs(self.centres() - x).sum(axis=1)
-        return away
-
     def centres(self) -> Array:
         """The weights: a node is a point, shape (n, M)."""
         return self._weights

@@ -1,8 +1,10 @@
 """Beyond the paper: what each change to the planner gives, where it was trained and where not.
 
 The same trainings as in table 1. From the paper's wave, which takes the best outcome that ever
-occurred, over outcomes weighed by their counts, to graded situations; each in the corridor that it
-was trained in, from the start and from anywhere, and in arenas that it has never seen.
+occurred, over outcomes weighed by their counts, to graded situations on Fuzzy ART's nodes, on as
+many prototypes placed by k-means, and to experience that counts as its mirror image, too; each in
+the corridor that it was trained in, from the start and from anywhere, and in arenas that it has
+never seen.
 """
 
 from dataclasses import dataclass, field
@@ -12,21 +14,45 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from macor_hil.clustering.fuzzy_art import FuzzyArt
+from macor_hil.clustering.membership import Array, memberships
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.drawing import draw_trials
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.learning import ANTICIPATIVE, EXPECTED, GRADED, Learning, learn_all
-from macor_hil.experiments.recording import Drive, Recordings
+from macor_hil.experiments.learning import (
+    ANTICIPATIVE,
+    EXPECTED,
+    GRADED,
+    Learning,
+    System,
+    learn_all,
+)
+from macor_hil.experiments.recording import Drive, Recording, Recordings
 from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, mean
-from macor_hil.experiments.systems import Course, on_course, trial_as_json, trial_from_json
+from macor_hil.experiments.systems import (
+    Course,
+    GradedSituations,
+    Mind,
+    learn_graded,
+    on_course,
+    trial_as_json,
+    trial_from_json,
+)
+from macor_hil.graded_map import GradedMap
+from macor_hil.memory import Memory
 from macor_hil.trials import Trial
 from protocol.side_channel import Outline
+
+ON_NODES: Final = "graded nodes"
+PLACED: Final = "placed prototypes"
 
 CHANGES: Final = {
     ANTICIPATIVE: "the paper's wave: the best outcome that ever occurred",
     EXPECTED: "outcomes weighed by their counts, pooled over the commands that led here",
-    GRADED: "and the robot in several situations at once, in counts and decisions",
+    ON_NODES: "and the robot in several of Fuzzy ART's nodes at once, in counts and decisions",
+    PLACED: "and prototypes instead, placed by k-means in the 400 frames of the tuning drive",
+    GRADED: "and everything counted as its mirror image, too",
 }
 
 
@@ -53,7 +79,9 @@ class Settings(Learning):
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn the systems from the drive of a seed, and drive their trials everywhere."""
-    systems = learn_all(settings, recordings[seed])
+    recording = recordings[seed]
+    systems = learn_all(settings, recording)
+    systems |= _steps_to(systems[GRADED], settings, recording)
     result: Result = {"outlines": {}, "trials": {}}
     for course in settings.courses:
         place = _place(course)
@@ -67,6 +95,36 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
                 for name in CHANGES
             }
     return result
+
+
+class _Boxes:
+    """Fuzzy ART's nodes as graded situations: the distance is how far x lies outside a box."""
+
+    def __init__(self, art: FuzzyArt) -> None:
+        self._art = art
+
+    def memberships(self, x: Array) -> Array:
+        """Memberships of the nodes, in use or not, shape (n,)."""
+        distances = np.full(self._art.nodes, np.inf)
+        distances[: self._art.size] = self._art.distances(x)
+        return memberships(distances)
+
+
+def _steps_to(graded: System, settings: Settings, recording: Recording) -> dict[str, System]:
+    """What leads from expected value to the graded system, one change at a time."""
+    art = graded.mind.clusterer
+    assert isinstance(art, FuzzyArt)
+
+    def without_mirror(shades: GradedSituations) -> System:
+        counts = GradedMap(graded.mind.graded.nodes, graded.mind.graded.commands)
+        learn_graded(counts, shades, recording, settings.reinforcement, mirrored=False)
+        mind = Mind(recording.brain, art, Memory(graded.mind.map, counts), shades)
+        return System(mind, graded.planner)
+
+    return {
+        ON_NODES: without_mirror(_Boxes(art)),
+        PLACED: without_mirror(recording.brain.prototypes),
+    }
 
 
 def _place(course: Course) -> str:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.clustering.clusterer import graded_situations, situations
+from macor_hil.clustering.clusterer import situations
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.learning import (
@@ -103,21 +103,18 @@ def _changed(settings: Settings, system: System, recording: Recording, frames: i
     learn_transitions(
         transitions, situations(mind.clusterer, inputs, learn=False), recording, settings.goal
     )
-    graded = _revalued(settings, mind, recording, inputs)
+    graded = _revalued(settings, mind, recording, frames)
     return System(
         Mind(recording.brain, mind.clusterer, Memory(transitions, graded)), system.planner
     )
 
 
-def _revalued(
-    settings: Settings, mind: Mind, recording: Recording, inputs: np.ndarray
-) -> GradedMap:
+def _revalued(settings: Settings, mind: Mind, recording: Recording, frames: int) -> GradedMap:
     """Counts as they were; what commands earn: one old experience, and all since the change."""
     known = mind.graded
     size = known.nodes, known.commands
     since, revalued = GradedMap(*size), GradedMap(*size)
-    shares = graded_situations(mind.clusterer, inputs, known.nodes, settings.width, learn=False)
-    learn_graded(since, shares, recording, settings.goal)
+    learn_graded(since, mind.shades, recording, settings.goal, frames=frames)
     old = np.divide(known.earned, known.tried, out=np.zeros(size), where=known.tried > 0)
     r = (since.earned + old) / (since.tried + 1.0)
     revalued.load(known.led_to, known.tried, known.tried * r)

@@ -3,9 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from macor_hil.clustering.clusterer import graded_situations, situations
+from macor_hil.clustering.clusterer import situations
 from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.membership import WIDTH
 from macor_hil.drive import COMMANDS
 from macor_hil.experiments.recording import Recording
 from macor_hil.experiments.systems import Mind, learn_graded, learn_transitions
@@ -44,8 +43,6 @@ class Learning:
     """Planning horizon of Q-learning."""
     competence: Competence = field(default_factory=Competence)
     """Equation 1."""
-    width: float = WIDTH
-    """Of memberships of graded situations."""
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
     """What commands earn, not printed; from the table's means a step."""
 
@@ -64,10 +61,7 @@ def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:
     it had when it was presented.
     """
     inputs = recording.inputs
-    art, again = (
-        FuzzyArt(inputs.shape[1], learning.nodes, learning.vigilance, learning.alpha)
-        for _ in range(2)
-    )
+    art = FuzzyArt(inputs.shape[1], learning.nodes, learning.vigilance, learning.alpha)
     nodes = situations(art, inputs, learn=True)
     size = learning.nodes, len(COMMANDS)
     plain = SensorimotorMap(*size, learning.competence)
@@ -75,8 +69,7 @@ def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:
     for transitions in (plain, strong, weak):
         learn_transitions(transitions, nodes, recording, learning.reinforcement)
     graded = GradedMap(*size)
-    shares = graded_situations(again, inputs, learning.nodes, learning.width, learn=True)
-    learn_graded(graded, shares, recording, learning.reinforcement)
+    learn_graded(graded, recording.brain.prototypes, recording, learning.reinforcement)
 
     def system(transitions: SensorimotorMap, planner: Planner) -> System:
         return System(Mind(recording.brain, art, Memory(transitions, graded)), planner)

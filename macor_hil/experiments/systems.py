@@ -1,10 +1,10 @@
 """Systems: a clusterer, a map and a planner, learned from a recording and driven live."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import radians
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ from macor_hil.bench import Bench
 from macor_hil.brain import FIRST_COMMAND, Brain
 from macor_hil.clustering.clusterer import Clusterer
 from macor_hil.clustering.fuzzy_art import Resonance
-from macor_hil.clustering.membership import Array, memberships
-from macor_hil.drive import Driver, MotorCommand
+from macor_hil.clustering.membership import Array
+from macor_hil.drive import COMMANDS, MIRRORED, Driver, MotorCommand
 from macor_hil.errors import BenchError
 from macor_hil.experiments.recording import PUT_DOWN, Recording
 from macor_hil.graded_map import GradedMap
@@ -45,30 +45,45 @@ class SidedReinforcement(Reinforcement):
         return Reinforcement.__call__(self, command, collided)
 
 
+class GradedSituations(Protocol):
+    """Tells how much an input belongs to each situation."""
+
+    def memberships(self, x: Array) -> Array:
+        """Memberships, shape (n,), of an input of shape (M,)."""
+        ...
+
+
 class Mind(Brain):
     """The eyes of a recording's brain with a clusterer and a map of another kind.
 
     Args:
-        eyes: whose receptive fields and reinforcement are used.
+        eyes: whose receptive fields, prototypes and reinforcement are used.
         clusterer: what a situation is.
         memory: what their commands led to.
+        shades: graded situations other than those of the eyes.
     """
 
-    def __init__(self, eyes: Brain, clusterer: Clusterer, memory: Memory) -> None:
+    def __init__(
+        self,
+        eyes: Brain,
+        clusterer: Clusterer,
+        memory: Memory,
+        shades: GradedSituations | None = None,
+    ) -> None:
         super().__init__(eyes.settings)
         self.fields = eyes.fields
         self.map = memory.map
         self.graded = memory.graded
         self.clusterer = clusterer
+        self.shades = eyes.prototypes if shades is None else shades
 
     def recognise(self, raw: Features, *, learn: bool) -> Resonance:
         """The situation of untuned features."""
         return self.clusterer.present(self.fields.tune(raw), learn=learn)
 
     def memberships(self, raw: Features) -> Array:
-        """How much untuned features belong to each situation, shape (n,)."""
-        distances = self.clusterer.distances(self.fields.tune(raw))
-        return memberships(distances, self.graded.nodes, self.settings.width)
+        """How much untuned features belong to each graded situation, shape (n,)."""
+        return self.shades.memberships(self.fields.tune(raw))
 
 
 def learn_transitions(
@@ -98,23 +113,45 @@ def learn_transitions(
 
 
 def learn_graded(
-    graded: GradedMap, shares: Array, recording: Recording, earns: Reinforcement
+    graded: GradedMap,
+    shades: GradedSituations,
+    recording: Recording,
+    earns: Reinforcement,
+    *,
+    mirrored: bool = True,
+    frames: int | None = None,
 ) -> None:
     """Count the commands of a recording between graded situations.
 
     Args:
         graded: learns.
-        shares: memberships of each frame, shape (T, n), of the first T frames.
-        recording: commands and collisions.
+        shades: the situations.
+        recording: frames, commands and collisions.
         earns: what commands earn.
+        mirrored: whether the mirror image of everything counts as experienced, too.
+        frames: how many of the first frames count; None: all.
     """
-    count = len(shares)
-    r = recording.reinforcement(earns)[:count]
-    for t in range(1, count):
-        command = int(recording.commands[t])
-        if command != PUT_DOWN:
-            then = None if recording.collided[t] else shares[t]
-            graded.learn(shares[t - 1], command, then, float(r[t]))
+    x = recording.inputs[:frames]
+    _count(graded, shades, x, recording, earns, range(len(COMMANDS)))
+    if mirrored:
+        _count(graded, shades, recording.brain.fields.mirrored(x), recording, earns, MIRRORED)
+
+
+def _count(
+    graded: GradedMap,
+    shades: GradedSituations,
+    inputs: Array,
+    recording: Recording,
+    earns: Reinforcement,
+    names: Sequence[int],
+) -> None:
+    """Count all commands, each under the index that it has in `names`."""
+    shares = [shades.memberships(x) for x in inputs]
+    for t in range(1, len(shares)):
+        if recording.commands[t] != PUT_DOWN:
+            command, collided = names[recording.commands[t]], bool(recording.collided[t])
+            then = None if collided else shares[t]
+            graded.learn(shares[t - 1], command, then, earns(COMMANDS[command], collided))
 
 
 @dataclass(frozen=True)

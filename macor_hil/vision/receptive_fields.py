@@ -63,6 +63,11 @@ class ReceptiveFields:
         tuned: Features = np.clip((raw - low) / (high - low), 0.0, 1.0)
         return tuned
 
+    def mirrored(self, features: Features) -> Features:
+        """What the mirror image of the world would give: shape (..., sectors * 3), as given."""
+        fields = features.reshape(*features.shape[:-1], self.sectors, len(CHANNELS))
+        return fields[..., ::-1, :].reshape(features.shape)
+
     def tuned_to(self, raw: Features) -> "ReceptiveFields":
         """The same fields, tuned to the range of recorded raw features, shape (frames, M)."""
         channels = raw.reshape(-1, len(CHANNELS))
