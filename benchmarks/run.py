@@ -11,15 +11,17 @@ from contextlib import ExitStack
 from importlib.metadata import version
 from statistics import median
 
+from clustering import Presentations
 from figures import Bench, Figure
 from page import DOCS, table, write_part
 from peer import Peer
+from planning import Planning
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 from serial_line import Exchanges, WireTime
 from simulation import Fleets, Simulation
-from training_command import Presentations, TrainingCommand
+from training_command import TrainingCommand
 
 _ROUNDS = 5
 _BENCHES = (
@@ -30,6 +32,7 @@ _BENCHES = (
     Peer,
     TrainingCommand,
     Presentations,
+    Planning,
 )
 _HEAD = ("figure", "measured", "against, or made of", "ratio")
 

@@ -2,12 +2,10 @@
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from functools import partial
 from time import process_time
 
 import numpy as np
 from figures import Figure
-from numpy.typing import NDArray
 from stopwatch import Part, Stopwatch
 
 from khepera_emulator.robot import Robot
@@ -25,7 +23,6 @@ from macor_hil.sensorimotor_map import SensorimotorMap
 from macor_hil.training import Phase, Schedule, Session, Trainer
 
 _TUNING, _RANDOM, _COMMANDS = 150, 600, 100
-_PRESENTATIONS = 2000
 _PLANS = 40
 
 _PARTS: Mapping[str, Part] = {
@@ -37,6 +34,7 @@ _PARTS: Mapping[str, Part] = {
     "Fuzzy ART": (FuzzyArt, "present"),
     "planning": (Reactive, "plan"),
     "map": (SensorimotorMap, "learn"),
+    "graded map": (Brain, "experience"),
     "resets": (PortBench, "reset"),
 }
 
@@ -117,47 +115,3 @@ class TrainingCommand:
         for neuron in chosen.tolist():
             planner.plan(memory, Now(neuron, nowhere))
         return {"plan": (process_time() - start) / _PLANS}
-
-
-class Presentations:
-    """Fuzzy ART with 36 features and 50 nodes, against the one NumPy pass that it cannot avoid."""
-
-    def __init__(self, _: ExitStack) -> None:
-        rng = np.random.default_rng(0)
-        self._art = FuzzyArt(36, 50, 0.9)
-        seeds = rng.uniform(size=(50, 36))
-        for seed in seeds:
-            self._art.present(seed)
-        near = seeds[rng.integers(50, size=_PRESENTATIONS)]
-        self._inputs = np.clip(near + rng.normal(0.0, 0.02, near.shape), 0.0, 1.0)
-
-    def round(self) -> dict[str, float]:
-        """Present all inputs, with and without learning; then the bare pass."""
-        coded = np.concatenate([self._inputs, 1.0 - self._inputs], axis=1)
-        return {
-            "learning": _each(self._inputs, self._art.present),
-            "looking": _each(self._inputs, partial(self._art.present, learn=False)),
-            "pass": _each(coded, lambda row: np.minimum(row, self._art.weights).sum(axis=1)),
-        }
-
-    def figures(self, medians: Mapping[str, float]) -> list[Figure]:
-        """Time of a presentation."""
-        bare = medians["pass"]
-        return [
-            Figure(
-                f"Fuzzy ART, a presentation, {name}",
-                f"{1e6 * medians[name]:.1f} us",
-                f"bare NumPy pass over all nodes {1e6 * bare:.1f} us",
-                f"{medians[name] / bare:.2f}",
-            )
-            for name in ("learning", "looking")
-        ]
-
-
-def _each(rows: NDArray[np.float64], do: object) -> float:
-    """Seconds that a function takes for each row."""
-    assert callable(do)
-    start = process_time()
-    for row in rows:
-        do(row)
-    return (process_time() - start) / len(rows)
