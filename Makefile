@@ -2,7 +2,7 @@
 #   make run    an emulated robot learns and drives the curve
 #   make test   style, types and tests
 #   make bench  speed, as ratios (ten minutes)
-#   make soak   long use of the serial line (a quarter of an hour)
+#   make soak   long use of the serial line (ten minutes)
 #   make soak-service     an hour of service under random faults, ten times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
