@@ -69,8 +69,15 @@ def train(
     tuning: Annotated[
         int, typer.Option(min=10, help="Commands driven first, to tune the receptive fields.")
     ] = 400,
-    random: Annotated[int, typer.Option(min=0, help="Randomly selected commands.")] = 11_000,
-    reactive: Annotated[int, typer.Option(min=0, help="Reactively selected commands.")] = 2_000,
+    random: Annotated[int, typer.Option(min=0, help="Randomly selected commands.")] = 13_000,
+    reactive: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Reactively selected commands after them; the paper's section 3.1 has"
+            " --random 11000 --reactive 2000.",
+        ),
+    ] = 0,
     recovery: Annotated[
         RecoveryChoice,
         typer.Option(help="After a collision: drive back, or the emulator's reset."),
@@ -89,7 +96,7 @@ def train(
         bool, typer.Option("--restart", help="Begin anew, even with a map or checkpoint there.")
     ] = False,
 ) -> None:
-    """Train a map: random commands, then reactively selected ones.
+    """Train a map: random commands, and reactively selected ones if asked for.
 
     A training that was interrupted goes on from its last checkpoint when started again. Without
     the emulator's reset that is after every command: stop with Ctrl-C when the battery is low.

@@ -16,7 +16,7 @@ from macor_hil.clustering.fuzzy_art import FuzzyArt
 from macor_hil.clustering.neural_gas import Annealing, Breadth, NeuralGas, search
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.recording import Drive, Recordings
+from macor_hil.experiments.recording import SECTION_31, Drive, Recordings
 from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, order
 from macor_hil.vision.receptive_fields import Features
@@ -26,7 +26,7 @@ from macor_hil.vision.receptive_fields import Features
 class Settings:
     """Section 3.1, with the paper's values."""
 
-    drive: Drive = field(default_factory=Drive)
+    drive: Drive = SECTION_31
     """Where the inputs come from."""
     inputs: int = 13_100
     """Visual inputs of one presentation."""

@@ -18,7 +18,7 @@ from macor_hil.drive import COMMANDS
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.drawing import draw_trials
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.recording import Drive, Recording, Recordings
+from macor_hil.experiments.recording import SECTION_31, Drive, Recording, Recordings
 from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, order
 from macor_hil.experiments.systems import (
@@ -43,7 +43,7 @@ from protocol.side_channel import Outline
 class Settings:
     """Section 3.1, with the paper's values for figure 3."""
 
-    drive: Drive = field(default_factory=Drive)
+    drive: Drive = SECTION_31
     """About 11,000 random and 2,000 reactive commands."""
     nodes: int = 30
     """n of both clusterers."""

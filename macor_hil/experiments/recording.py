@@ -2,8 +2,8 @@
 
 Driving is what costs. A recording holds what came from the eyes (untuned features of every
 frame) and what went to the motors, over a whole training drive; every system of the seed learns
-from it afterwards. The drive is that of `macor_hil.training`: the paper's random commands, then
-commands selected reactively by the map learned so far, that of Fuzzy ART.
+from it afterwards. The drive is that of `macor_hil.training`: random commands, then, in section
+3.1, commands selected reactively by the map learned so far, that of Fuzzy ART.
 """
 
 import io
@@ -42,7 +42,7 @@ _NO_PART: Final = (
 
 @dataclass(frozen=True)
 class Drive:
-    """The training drive that is recorded (section 3.1)."""
+    """The training drive that is recorded (section 3.2)."""
 
     arena: str = "corridor"
     """Where it is driven."""
@@ -50,9 +50,9 @@ class Drive:
     """How much the robots' wheels differ; each seed is another robot."""
     tuning: int = 400
     """Commands driven first to tune the receptive fields; not recorded."""
-    random: int = 11_000
+    random: int = 13_000
     """Randomly selected commands."""
-    reactive: int = 2_000
+    reactive: int = 0
     """Reactively selected commands after them."""
     brain: Settings = field(default_factory=Settings)
     """Eyes, and the Fuzzy ART that selects reactively."""
@@ -64,6 +64,10 @@ class Drive:
     def schedule(self, seed: int) -> Schedule:
         """What is driven for a seed."""
         return Schedule(self.tuning, self.random, self.reactive, seed=seed)
+
+
+SECTION_31: Final = Drive(random=11_000, reactive=2_000)
+"""The drive of figures 2 to 4: "ca. 11000 randomly selected and about 2000 reactively selected"."""
 
 
 @dataclass(frozen=True)

@@ -175,8 +175,8 @@ def _scope(settings: Settings, results: Results) -> str:
     hours = np.mean([result["robot_hours"] for result in results.values()])
     drive = settings.drive
     return (
-        f"{len(results)} training seeds, each another robot; {drive.random} random and"
-        f" {drive.reactive} reactive commands each ({hours:.1f} hours of the robot's time; the"
+        f"{len(results)} training seeds, each another robot; {drive.random:,} random and"
+        f" {drive.reactive:,} reactive commands each ({hours:.1f} hours of the robot's time; the"
         f" paper's robot needed about 6.5), {settings.nodes} nodes, vigilance"
         f" {settings.vigilance:g}; {settings.course.trials} trials of at most"
         f" {settings.course.commands} commands of every system and seed."
@@ -264,7 +264,9 @@ _DIFFERENCES: Final = (
     " robot is emulated, each seed is another robot with another training, and starts vary a"
     " little. The corridor's measures, the receptive fields, the reinforcement's two values and"
     " the greatest competence are not printed and were chosen (docs/design.md). All systems"
-    " learn from the same drive, whose last part was selected by the reactive system."
+    " learn from the same drive. A collision earns 0; the printed means of the reactive system (2.8 a"
+    " trial, 0.61 a step, 7.2 steps of which the last collides) would need about -1. No planner here"
+    " that takes the best outcome notices the difference."
 )
 
 TABLE1 = Experiment(
