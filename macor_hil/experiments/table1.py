@@ -264,9 +264,9 @@ _DIFFERENCES: Final = (
     " robot is emulated, each seed is another robot with another training, and starts vary a"
     " little. The corridor's measures, the receptive fields, the reinforcement's two values and"
     " the greatest competence are not printed and were chosen (docs/design.md). All systems"
-    " learn from the same drive. A collision earns 0; the printed means of the reactive system (2.8 a"
-    " trial, 0.61 a step, 7.2 steps of which the last collides) would need about -1. No planner here"
-    " that takes the best outcome notices the difference."
+    " learn from the same drive, random commands alone. A collision earns 0 here; the printed"
+    " means of the reactive system (2.8 a trial, 0.61 a step, 7.2 steps of which the last collides)"
+    " would need about -1."
 )
 
 TABLE1 = Experiment(
