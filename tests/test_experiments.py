@@ -1,6 +1,7 @@
 """Experiments from recording to report, with tiny settings."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -263,6 +264,17 @@ def test_the_report_shows_every_picture_and_the_paper_s_numbers(sweep: Path) -> 
         assert np.ptp(picture) > 200
     for number in ("29.2", "14.2", "15.6", "8.6", "11.7"):
         assert number in page.text
+
+
+def test_the_report_in_markdown_says_the_same(sweep: Path) -> None:
+    page = Page((sweep / "report" / "index.html").read_text())
+    text = (sweep / "report" / "report.md").read_text()
+    assert re.findall(r"!\[[^]]*\]\(([^)]+)\)", text) == page.pictures
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(rows) > 20
+    for row in rows:
+        for cell in row.strip("| ").split(" | "):
+            assert cell in page.text or cell == "---"
 
 
 def test_figure2_measures_both_clusterers(recorded: Path) -> None:

@@ -1,4 +1,4 @@
-"""The report: one page of HTML with its pictures beside it, made from results alone."""
+"""The report, made from results alone: a page of HTML and one of Markdown, pictures beside them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -13,12 +13,21 @@ from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.results import Results
 from macor_hil.map_file import write_atomically
 
+_TITLE: Final = "MACOR with Fuzzy ART, reproduced"
+_SCOPE: Final = (
+    'The experiments of "Integration of a Fuzzy ART Approach in a Biologically Inspired'
+    ' Sensorimotor Architecture" on an emulated Khepera robot, over its serial protocol and from'
+    " the pictures of"
+    " its omnidirectional camera. One training seed is one independent sample; intervals are 95 %"
+    " bootstrap intervals over seeds."
+)
+
 _PAGE: Final = Template("""<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width">
-<title>MACOR with Fuzzy ART, reproduced</title>
+<title>$title</title>
 <style>
 body { font: 16px/1.5 Georgia, serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 table { border-collapse: collapse; margin: 1rem 0; font-size: 0.85rem; }
@@ -33,11 +42,8 @@ div { overflow-x: auto; }
 </style>
 </head>
 <body>
-<h1>MACOR with Fuzzy ART, reproduced</h1>
-<p>The experiments of "Integration of a Fuzzy ART Approach in a Biologically Inspired Sensorimotor
-Architecture" on an emulated Khepera robot, over its serial protocol and from the pictures of its
-omnidirectional camera. One training seed is one independent sample; intervals are 95 % bootstrap
-intervals over seeds.</p>
+<h1>$title</h1>
+<p>$scope</p>
 <nav>$contents</nav>
 $chapters
 <footer>$costs</footer>
@@ -63,7 +69,7 @@ def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str
         costs: what each piece of work took, in seconds, by its name.
 
     Returns:
-        The page.
+        The page of HTML; `report.md` beside it says the same.
 
     Raises:
         MacorError: the folder cannot be written to.
@@ -73,11 +79,19 @@ def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str
     page = folder / "index.html"
     links = (f'<a href="#{c.experiment.name}">{escape(c.experiment.title)}</a>' for c in chapters)
     text = _PAGE.substitute(
+        title=_TITLE,
+        scope=escape(_SCOPE, quote=False),
         contents="<br>".join(links),
         chapters="\n".join(map(_chapter, chapters)),
         costs=_html(_cost_table(costs), ""),
     )
     write_atomically(page, text.encode())
+    parts = [f"# {_TITLE}", _SCOPE]
+    for chapter in chapters:
+        parts.append(f"## {chapter.experiment.title}")
+        parts += (_markdown(block, chapter.experiment.name) for block in _blocks(chapter))
+    parts.append(_markdown(_cost_table(costs), ""))
+    write_atomically(folder / "report.md", "\n\n".join([*parts, ""]).encode())
     return page
 
 
@@ -91,9 +105,23 @@ def _draw(folder: Path, chapter: Chapter) -> None:
 
 def _chapter(chapter: Chapter) -> str:
     experiment = chapter.experiment
-    blocks = experiment.tell(experiment.settings, chapter.results)
-    body = "\n".join(_html(block, experiment.name) for block in blocks)
+    body = "\n".join(_html(block, experiment.name) for block in _blocks(chapter))
     return f'<h2 id="{experiment.name}">{escape(experiment.title)}</h2>\n{body}'
+
+
+def _blocks(chapter: Chapter) -> Sequence[Block]:
+    return chapter.experiment.tell(chapter.experiment.settings, chapter.results)
+
+
+def _markdown(block: Block, experiment: str) -> str:
+    match block:
+        case Text(text):
+            return text
+        case Picture(name, caption):
+            return f"![{caption}]({_file(experiment, name)})\n\n{caption}"
+        case Table(title, head, rows):
+            lines = [head, ("---",) * len(head), *rows]
+            return f"{title}:\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def _html(block: Block, experiment: str) -> str:
