@@ -91,6 +91,13 @@ def count(driver, selector):
     return driver.execute_script("return document.querySelectorAll(arguments[0]).length", selector)
 
 
+def shows(selector, number):
+    def found(driver):
+        return count(driver, selector) == number
+
+    return found
+
+
 def test_a_robot_appears_drives_goes_and_comes_again(browser):
     endpoint = free_endpoint()
     life = a_life()
@@ -109,12 +116,12 @@ def test_a_robot_appears_drives_goes_and_comes_again(browser):
                     stage.show(event)
                 until(browser, says("driving, 3 of 40 commands"))
                 until(browser, says("command 2: situation 17"))
-                until(browser, lambda driver: count(driver, ".arena [data-kind=best]") == 1)
-                assert count(browser, ".arena [data-kind=hypothesis]") == 1
-                assert count(browser, "[data-kind=neuron]") == 150
-                assert count(browser, "[data-kind=field]") == 12
-                assert count(browser, "[data-kind=reward]") == 3
-                assert count(browser, "[data-kind=sensor]") == 8
+                until(browser, shows(".arena [data-kind=best]", 1))
+                until(browser, shows(".arena [data-kind=hypothesis]", 1))
+                until(browser, shows("[data-kind=neuron]", 150))
+                until(browser, shows("[data-kind=field]", 12))
+                until(browser, shows("[data-kind=reward]", 3))
+                until(browser, shows("[data-kind=sensor]", 8))
                 until(browser, says("> H"))
             until(browser, says("waiting for a robot"))
         errors = [each for each in browser.get_log("browser") if each["level"] == "SEVERE"]
