@@ -1,7 +1,7 @@
 """Another learner beside MACOR: fitted Q iteration, linear in the receptive fields.
 
 It looks at the same receptive fields as MACOR, has the same three commands and the same experience
-(13,400 commands, here all of them random), and is scored like MACOR: 10 trials of 40 commands at
+(13,400 random commands), and is scored like MACOR: 10 trials of 40 commands at
 most, from starts near the arena's own.
 
     python examples/gymnasium_learner.py --seed 3

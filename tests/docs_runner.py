@@ -29,8 +29,9 @@ ELSEWHERE = {
     r".* /dev/tty": "needs a robot",
     r"python benchmarks/": "minutes of measuring",
     r"python examples/gymnasium_learner.py": "minutes of learning: tests/test_environment.py",
-    r"macor-hil train .*runs/(corridor|N).npz": "minutes: tests/test_macor_cli.py",
-    r"macor-hil (run|trials) .*runs/(corridor|N).npz": "needs that map: tests/test_service.py",
+    r"macor-hil reproduce ": "half an hour and more: tests/test_experiments.py",
+    r"macor-hil train .*runs/corridor.npz": "minutes: tests/test_macor_cli.py",
+    r"macor-hil (run|trials) .*runs/corridor.npz": "needs that map: tests/test_service.py",
 }
 """Commands that are not run here, and why or where they are instead."""
 
