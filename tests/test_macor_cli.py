@@ -123,7 +123,7 @@ def test_run_drives_over_a_real_terminal_and_camera(trained: Path, tmp_path: Pat
 def test_a_camera_that_is_not_there_is_told(trained: Path, tmp_path: Path) -> None:
     with emulator("--no-zenoh") as running:
         done = macor_hil(
-            *("run", "--port", running.path, "--map", str(trained)),
+            *("run", "--port", running.path, "--map", str(trained), "--recovery", "0"),
             *("--listen", free_endpoint(), "--connect", free_endpoint()),
             folder=tmp_path,
         )
