@@ -1,8 +1,12 @@
-"""Parts of documentation pages that scripts write: everything between two marks."""
+"""Tables of scripts, on the console and in the parts of documentation pages between two marks."""
 
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PICTURES = DOCS / "pictures"
@@ -27,3 +31,27 @@ def write_part(page: Path, name: str, text: str) -> None:
         raise ValueError(f"{page.name} has no part {name!r}")
     new = f"{begin}\n{text.strip()}\n{end}"
     page.write_text(pattern.sub(lambda _: new, old), "utf-8")
+
+
+def report(
+    title: str,
+    head: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    part: tuple[Path, str],
+    note: str = "",
+) -> None:
+    """Print a table; with `--write` among the program's arguments put it into the docs, too.
+
+    Args:
+        title: above the printed table.
+        head: names of the columns.
+        rows: of the table.
+        part: page of the docs, and name of the part to replace.
+        note: a line for the docs, above the table.
+    """
+    shown = Table(*head, title=title)
+    for row in rows:
+        shown.add_row(*row)
+    Console().print(shown)
+    if "--write" in sys.argv[1:]:
+        write_part(*part, f"{note}\n\n{table(head, rows)}")

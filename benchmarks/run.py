@@ -6,19 +6,16 @@ slower for a while is slower for both sides of a ratio. `service.py` measures th
 
 import os
 import platform
-import sys
 from contextlib import ExitStack
 from importlib.metadata import version
 from statistics import median
 
 from clustering import Presentations
 from figures import Bench, Figure
-from page import DOCS, table, write_part
+from page import DOCS, report
 from peer import Peer
 from planning import Planning
-from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 from serial_line import Exchanges, WireTime
 from simulation import Fleets, Simulation
 from training_command import TrainingCommand
@@ -39,23 +36,16 @@ _HEAD = ("figure", "measured", "against, or made of", "ratio")
 
 def main() -> None:
     """Measure, and print the table; with `--write` put it into docs/benchmarks.md, too."""
-    console = Console()
-    figures = measure(console)
-    shown = Table(*_HEAD, title="benchmarks")
-    for figure in figures:
-        shown.add_row(*figure)
-    console.print(shown)
-    if "--write" in sys.argv[1:]:
-        text = f"{_machine()}\n\n{table(_HEAD, figures)}"
-        write_part(DOCS / "benchmarks.md", "table", text)
+    figures = measure()
+    report("benchmarks", _HEAD, figures, (DOCS / "benchmarks.md", "table"), _machine())
 
 
-def measure(console: Console) -> list[Figure]:
+def measure() -> list[Figure]:
     """All rounds of all benchmarks."""
     with ExitStack() as stack:
         benches: list[Bench] = [make(stack) for make in _BENCHES]
         rounds: list[list[dict[str, float]]] = [[] for _ in benches]
-        for _ in track(range(_ROUNDS), "rounds", console=console, transient=True):
+        for _ in track(range(_ROUNDS), "rounds", transient=True):
             for bench, found in zip(benches, rounds, strict=True):
                 found.append(bench.round())
         figures = []

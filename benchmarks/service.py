@@ -5,7 +5,6 @@ with watchers take turns, so that whatever else the machine does hits all alike.
 """
 
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -15,10 +14,8 @@ from statistics import median
 from typing import Final, NamedTuple
 
 from figures import Figure, percentile
-from page import DOCS, table, write_part
-from rich.console import Console
+from page import DOCS, report
 from rich.progress import track
-from rich.table import Table
 from stopwatch import Part
 from timeline import Timeline
 from watching import Recording, recorder_and_dashboard, subscribers
@@ -28,18 +25,18 @@ from macor_hil.bench import ZenohBench
 from macor_hil.brain import Brain, Settings
 from macor_hil.cameras.checks import CheckedCamera
 from macor_hil.cameras.on_zenoh import ZenohCamera
+from macor_hil.checkpoints import train_map
 from macor_hil.demo import DemoSettings, emulator_process
 from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
 from macor_hil.line import Line
-from macor_hil.map_file import save_map
 from macor_hil.planners.expected import Expected
 from macor_hil.robot import Khepera
 from macor_hil.service import ServiceConfig, serve
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
-from macor_hil.training import Schedule, Trainer
+from macor_hil.training import Schedule
 from protocol.side_channel import Reset
 
 _ROUNDS: Final = 6
@@ -135,24 +132,18 @@ class Service:
 
 def main() -> None:
     """Measure, and print the table; with `--write` put it into docs/benchmarks.md, too."""
-    console = Console()
     with ExitStack() as stack:
         recording, service = Recording(stack), Service(stack)
         drives: dict[str, list[Drive]] = {name: [] for name in service.audiences}
         recorded = []
-        for _ in track(range(_ROUNDS), "rounds", console=console, transient=True):
+        for _ in track(range(_ROUNDS), "rounds", transient=True):
             for name, audience in service.audiences.items():
                 drives[name].append(service.drive(audience))
             recorded.append(recording.round())
     medians = {name: median(each[name] for each in recorded) for name in recorded[0]}
     figures = [*latency_figures(drives), *watching_figures(drives), *recording.figures(medians)]
-    shown = Table(*_HEAD, title="the live service")
-    for figure in figures:
-        shown.add_row(*figure)
-    console.print(shown)
-    if "--write" in sys.argv[1:]:
-        load = f"{os.cpu_count()} cores, load average {os.getloadavg()[1]:.1f}."
-        write_part(DOCS / "benchmarks.md", "service", f"{load}\n\n{table(_HEAD, figures)}")
+    load = f"{os.cpu_count()} cores, load average {os.getloadavg()[1]:.1f}."
+    report("the live service", _HEAD, figures, (DOCS / "benchmarks.md", "service"), load)
 
 
 def latency_figures(drives: dict[str, list[Drive]]) -> list[Figure]:
@@ -227,13 +218,11 @@ def _processor_time(pid: int) -> float:
 
 
 def _train(path: Path) -> None:
+    port = f"khepera://{_ARENA}?seed={_SEED}"
     schedule = Schedule(tuning=20, random=200, reactive=0)
-    with open_hardware(f"khepera://{_ARENA}?seed={_SEED}") as hardware:
-        brain = Brain(Settings())
-        trainer = Trainer(brain, Driver(hardware.robot), hardware.camera, hardware.bench, schedule)
-        for session in schedule.sessions():
-            trainer.run(session, lambda _: None)
-    save_map(path, brain, {})
+    with open_hardware(port) as hardware:
+        driven = (Driver(hardware.robot), hardware.camera, hardware.bench)
+        train_map(path, Settings(), schedule, port, driven, lambda _: None)
 
 
 if __name__ == "__main__":

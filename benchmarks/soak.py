@@ -6,7 +6,6 @@ first thing that is not as it should be ends it with an error.
 
 import os
 import platform
-import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -16,9 +15,8 @@ from typing import Any
 from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis.stateful import run_state_machine_as_test
 from line_machine import LineMachine
-from page import DOCS, table, write_part
+from page import DOCS, report
 from rich.console import Console
-from rich.table import Table
 from soaking import PORTS, Use, kill_clients, never_read, reopen, robot_at, take_fuzz
 
 _STEPS = 100_000
@@ -41,16 +39,11 @@ def main() -> None:
     for row in _all():
         console.print(" | ".join(row))
         rows.append(row)
-    shown = Table(*_HEAD, title="soak")
-    for row in rows:
-        shown.add_row(*row)
-    console.print(shown)
-    if "--write" in sys.argv[1:]:
-        machine = (
-            f"One run; {os.cpu_count()} {platform.machine()} cores, load average"
-            f" {os.getloadavg()[2]:.1f}, CPython {platform.python_version()}."
-        )
-        write_part(DOCS / "soak.md", "table", f"{machine}\n\n{table(_HEAD, rows)}")
+    machine = (
+        f"One run; {os.cpu_count()} {platform.machine()} cores, load average"
+        f" {os.getloadavg()[2]:.1f}, CPython {platform.python_version()}."
+    )
+    report("soak", _HEAD, rows, (DOCS / "soak.md", "table"), machine)
 
 
 def _all() -> Iterator[tuple[str, ...]]:

@@ -7,7 +7,6 @@ a robot that only ends its command shows.
 
 import os
 import signal
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,13 +14,12 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
-from faults import train
 from figures import percentile
-from page import DOCS, table, write_part
+from page import DOCS, report
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 from rig import Rig, rig
+from short_training import train_shortly
 
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import ask_to_stop
@@ -39,19 +37,15 @@ def main() -> None:
     rng = np.random.default_rng(1)
     rows = []
     with TemporaryDirectory() as folder:
-        trained = train(Path(folder) / "map.npz")
+        trained = train_shortly(Path(folder) / "map.npz", "khepera://open-box?seed=1&drift=none")
         with rig(folder) as bench:
             for name, cause in CAUSES.items():
                 rounds = track(range(_TIMES), name, console=console, transient=True)
                 rows.append(_row(name, [_stop(bench, trained, cause, rng) for _ in rounds]))
                 console.print(" | ".join(rows[-1]))
-    shown = Table(*_HEAD, title="from a cause to standstill, on the emulator's clock")
-    for row in rows:
-        shown.add_row(*row)
-    console.print(shown)
-    if "--write" in sys.argv[1:]:
-        load = f"Two cores, load average {os.getloadavg()[1]:.1f}."
-        write_part(DOCS / "safety.md", "stop times", f"{load}\n\n{table(_HEAD, rows)}")
+    title = "from a cause to standstill, on the emulator's clock"
+    load = f"Two cores, load average {os.getloadavg()[1]:.1f}."
+    report(title, _HEAD, rows, (DOCS / "safety.md", "stop times"), load)
 
 
 def _row(name: str, times: list[float]) -> tuple[str, ...]:

@@ -7,14 +7,10 @@ import sys
 
 import pytest
 from rig import rig
+from short_training import train_shortly
 
-from macor_hil.brain import Brain, Settings
-from macor_hil.drive import Driver
-from macor_hil.hardware import open_hardware
-from macor_hil.map_file import save_map
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import ask_to_stop
-from macor_hil.training import Schedule, Trainer
 
 LIMIT = 0.5
 """Seconds; what the controller promises."""
@@ -23,14 +19,7 @@ LIMIT = 0.5
 @pytest.fixture(scope="module")
 def map_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("maps") / "short.npz"
-    schedule = Schedule(tuning=15, random=60, reactive=0, session=60)
-    with open_hardware("khepera://open-box?seed=1&drift=none") as hardware:
-        brain = Brain(Settings())
-        trainer = Trainer(brain, Driver(hardware.robot), hardware.camera, hardware.bench, schedule)
-        for session in schedule.sessions():
-            trainer.run(session, lambda _: None)
-    save_map(path, brain, {})
-    return path
+    return train_shortly(path, "khepera://open-box?seed=1&drift=none")
 
 
 @pytest.fixture(scope="module")

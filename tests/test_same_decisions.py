@@ -2,13 +2,10 @@
 
 import pytest
 from emulator_process import emulator, free_endpoint
+from short_training import train_shortly
 
-from macor_hil.brain import Brain, Settings
-from macor_hil.drive import Driver, DriveSettings
-from macor_hil.hardware import open_hardware
-from macor_hil.map_file import save_map
+from macor_hil.drive import DriveSettings
 from macor_hil.service import ServiceConfig, serve
-from macor_hil.training import Schedule, Trainer
 
 ARENA, SEED = "open-box", 3
 PORT = f"khepera://{ARENA}?seed={SEED}&baud=unpaced"
@@ -21,14 +18,7 @@ ABOUT_THE_SAME = 2
 @pytest.fixture(scope="module")
 def map_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("maps") / "short.npz"
-    schedule = Schedule(tuning=20, random=200, reactive=0)
-    with open_hardware(PORT) as hardware:
-        brain = Brain(Settings())
-        trainer = Trainer(brain, Driver(hardware.robot), hardware.camera, hardware.bench, schedule)
-        for session in schedule.sessions():
-            trainer.run(session, lambda _: None)
-    save_map(path, brain, {})
-    return path
+    return train_shortly(path, PORT, tuning=20, random=200)
 
 
 def drive(port, map_file, connect=()):

@@ -13,20 +13,18 @@ import pytest
 import serial
 from controller_helpers import PATIENCE, ask, free_endpoint, receive, watching
 from emulator_process import emulator
+from short_training import train_shortly
 
 import macor_hil.hardware
 from macor_hil.bench import ZenohBench
 from macor_hil.brain import Brain, Settings
-from macor_hil.drive import Driver
 from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
-from macor_hil.hardware import open_hardware
 from macor_hil.interruption import Interruption
 from macor_hil.map_file import save_map
 from macor_hil.robot import Khepera, open_port
 from macor_hil.service import Ending, ServiceConfig, serve
 from macor_hil.telemetry.schemas import Decision, Phase, State
 from macor_hil.telemetry.session import open_session
-from macor_hil.training import Schedule, Trainer
 
 PORT = "khepera://corridor?seed=1&drift=none"
 STOP = b"D,0,0\n"
@@ -42,14 +40,7 @@ SETTLING = 0.1
 def map_file(tmp_path_factory):
     """A map of a very short training: it knows a few situations around the start."""
     path = tmp_path_factory.mktemp("maps") / "short.npz"
-    schedule = Schedule(tuning=15, random=80, reactive=0, session=80)
-    with open_hardware(PORT) as hardware:
-        brain = Brain(Settings())
-        trainer = Trainer(brain, Driver(hardware.robot), hardware.camera, hardware.bench, schedule)
-        for session in schedule.sessions():
-            trainer.run(session, lambda _: None)
-    save_map(path, brain, {})
-    return path
+    return train_shortly(path, PORT, random=80)
 
 
 @pytest.fixture

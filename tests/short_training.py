@@ -1,0 +1,18 @@
+"""A map to drive by, learned in a second or two: it knows a few situations around the start."""
+
+from pathlib import Path
+
+from macor_hil.brain import Settings
+from macor_hil.checkpoints import train_map
+from macor_hil.drive import Driver
+from macor_hil.hardware import open_hardware
+from macor_hil.training import Schedule
+
+
+def train_shortly(path: Path, port: str, *, tuning: int = 15, random: int = 60) -> Path:
+    """Train on a robot in this process; returns the path of the map."""
+    schedule = Schedule(tuning=tuning, random=random, reactive=0, session=random)
+    with open_hardware(port) as hardware:
+        driven = (Driver(hardware.robot), hardware.camera, hardware.bench)
+        train_map(path, Settings(), schedule, port, driven, lambda _: None)
+    return path
