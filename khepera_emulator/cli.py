@@ -242,9 +242,10 @@ def run(
             ports.append(open_port(tcp=tcp, rfc2217=rfc2217, expose=expose, place=k))
             stack.callback(ports[-1].close)
         logs: list[WireLog | None] = [None] * robots
-        for k, stem in enumerate(_numbered(record.stem, robots) if record else ()):
-            path = record.with_name(stem + record.suffix) if record else Path()
-            logs[k] = stack.enter_context(WireLog(path, _same_robot(ctx, faults, k + 1)))
+        if record:
+            for k, stem in enumerate(_numbered(record.stem, robots)):
+                path = record.with_name(stem + record.suffix)
+                logs[k] = stack.enter_context(WireLog(path, _same_robot(ctx, faults, k + 1)))
         follow_rate = baud == "auto"
         daemon = Daemon(
             emulators[0],

@@ -20,6 +20,12 @@ ACCELERATION_UNIT = SPEED_UNIT / 256 / CONTROL_PERIOD
 WHEEL_BASE = 0.053
 """Nominal distance between the two wheels' points of contact, in metres."""
 
+BODY_RADIUS = 0.0275
+"""Of the round body, in metres."""
+
+PROXIMITY_FULL = 1023
+"""Greatest reading of an infrared sensor."""
+
 BITS_PER_CHARACTER = 11
 """Start bit, eight data bits, no parity, two stop bits."""
 
