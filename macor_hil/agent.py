@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from macor_hil.brain import FIRST_COMMAND, Brain
 from macor_hil.cameras import Camera, Frame
 from macor_hil.clustering.fuzzy_art import Resonance
-from macor_hil.clustering.membership import Array
 from macor_hil.drive import COMMANDS, Driver, Outcome
 from macor_hil.planners.planner import Now, Plan, Planner
 from macor_hil.vision.receptive_fields import Features
@@ -21,14 +20,12 @@ class View:
         features: the untuned features of the frame.
         resonance: the situation that it was taken for.
         neuron: that situation, entered by the last command.
-        memberships: how much it belongs to each graded situation.
     """
 
     frame: Frame
     features: Features
     resonance: Resonance
     neuron: int
-    memberships: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +91,8 @@ class Agent:
         """Choose what a planner finds best; `fallback` where it knows of no command."""
 
         def choose(view: View) -> tuple[int, Plan]:
-            plan = planner.plan(self.brain.memory, Now(view.neuron, view.memberships))
+            now = Now(view.neuron, self.brain.memberships(view.features))
+            plan = planner.plan(self.brain.memory, now)
             return (fallback() if plan.command is None else plan.command), plan
 
         return choose
@@ -104,4 +102,4 @@ class Agent:
         features = self.brain.look(frame.image)
         resonance = self.brain.recognise(features, learn=learn)
         neuron = self.brain.map.neuron(resonance.node, command)
-        return View(frame, features, resonance, neuron, self.brain.memberships(features))
+        return View(frame, features, resonance, neuron)

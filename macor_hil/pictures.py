@@ -31,7 +31,7 @@ def draw_trials(path: Path, outline: Outline, trials: Mapping[str, Trial]) -> No
     axes = figure.subplots(2, len(trials), squeeze=False, height_ratios=[4, 1], sharey="row")
     for column, (name, trial) in enumerate(trials.items()):
         above, below = axes[0][column], axes[1][column]
-        _draw_way(above, outline, trial)
+        draw_way(above, outline, trial)
         end = "collision" if trial.collided else "no collision"
         above.set_title(f"{name}: {trial.length} commands, {end}", fontsize=10)
         steps = range(1, trial.length + 1)
@@ -87,7 +87,8 @@ def draw_view(path: Path, brain: Brain, image: Image) -> None:
     figure.savefig(path, dpi=100)
 
 
-def _draw_way(axes: Any, outline: Outline, trial: Trial) -> None:
+def draw_way(axes: Any, outline: Outline, trial: Trial, width: float = 1.0) -> None:
+    """The arena, and the robot after every command; the last one red after a collision."""
     from matplotlib.patches import Circle, Polygon
 
     axes.set_facecolor(outline.floor)
@@ -95,17 +96,12 @@ def _draw_way(axes: Any, outline: Outline, trial: Trial) -> None:
         axes.add_patch(Polygon(solid.corners, facecolor=solid.colour, edgecolor="none"))
     radius = outline.robot_radius
     for number, pose in enumerate(trial.path):
-        last = number == len(trial.path) - 1
-        colour = "red" if last and trial.collided else "white"
-        axes.add_patch(
-            Circle((pose.x, pose.y), radius, fill=False, edgecolor=colour, linewidth=1.0)
-        )
-        axes.plot(
-            [pose.x, pose.x + radius * cos(pose.heading)],
-            [pose.y, pose.y + radius * sin(pose.heading)],
-            color=colour,
-            linewidth=1.0,
-        )
+        hit = trial.collided and number == len(trial.path) - 1
+        colour = "red" if hit else "white"
+        place = (pose.x, pose.y)
+        axes.add_patch(Circle(place, radius, fill=False, edgecolor=colour, linewidth=width))
+        nose = pose.x + radius * cos(pose.heading), pose.y + radius * sin(pose.heading)
+        axes.plot([pose.x, nose[0]], [pose.y, nose[1]], color=colour, linewidth=width)
     axes.set_aspect("equal")
     axes.autoscale_view()
 

@@ -31,6 +31,7 @@ from macor_hil.cli.options import (
     RobotOption,
     SeedOption,
     ZenohConfigOption,
+    extra,
     hardware_of,
     progress_bar,
     shown,
@@ -222,12 +223,8 @@ def reproduce(
 
     What is done stays done: a run that was interrupted goes on when started again.
     """
-    try:
+    with extra("experiments"):
         from macor_hil.experiments import catalogue, runner
-    except ImportError as error:
-        raise MacorError(
-            f"{error.name} is not installed; install the extra 'experiments'"
-        ) from None
     chosen = catalogue.find(name)
     with Progress(*COLUMNS, console=Console(stderr=True)) as bars:
         tasks: dict[str, TaskID] = {}
@@ -250,10 +247,8 @@ def learn(
     seed: Annotated[int, typer.Option(min=0, help="Of where the prototypes begin.")] = 1,
 ) -> None:
     """Train a map from recordings of drives (see `record`), without a robot."""
-    try:
+    with extra("recording"):
         from macor_hil.telemetry.recording import read_recording
-    except ImportError as error:
-        raise MacorError(f"{error.name} is not installed; install the extra 'recording'") from None
     from macor_hil.learning import learn as take_in
 
     if map_file.exists():

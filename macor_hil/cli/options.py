@@ -127,6 +127,19 @@ def camera_of(
 
 
 @contextmanager
+def extra(name: str) -> Iterator[None]:
+    """What is imported here comes with an extra.
+
+    Raises:
+        MacorError: it is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise MacorError(f"{error.name} is not installed; install the extra {name!r}") from None
+
+
+@contextmanager
 def shown(hardware: Hardware, robot: str, listen: list[str]) -> Iterator[Callable[[], None]]:
     """Let watchers see arena and robot of a `khepera://` port; call again and again to tell them.
 

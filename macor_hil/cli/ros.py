@@ -4,8 +4,7 @@ from typing import Annotated
 
 import typer
 
-from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption
-from macor_hil.errors import MacorError
+from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption, extra
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
 app = typer.Typer()
@@ -22,8 +21,6 @@ def ros2(
 
     Pictures, odometry and commands; connect it to the controller, and to the nodes' router.
     """
-    try:
+    with extra("ros"):
         from macor_hil.ros2.bridge import bridge
-    except ImportError as error:
-        raise MacorError(f"{error.name} is not installed; install the extra 'ros'") from None
     bridge(robot, connect, domain, zenoh_config)

@@ -2,14 +2,13 @@
 
 import json
 import socket
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
-from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption
+from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption, extra
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.monitor.terminal import watch
 from macor_hil.telemetry.keys import KEYS
@@ -75,7 +74,7 @@ def record(
     Foxglove and other readers of MCAP open the file as it is; so does one of a recorder that was
     killed.
     """
-    with _extra("recording"):
+    with extra("recording"):
         from macor_hil.telemetry.recorder import record as write
     with open_session([], connect, zenoh_config) as session:
         samples = write(session, robot, file, duration)
@@ -97,7 +96,7 @@ def replay(
     zenoh_config: ZenohConfigOption = None,
 ) -> None:
     """Publish a recording again, with its times: every monitor works on it."""
-    with _extra("recording"):
+    with extra("recording"):
         from macor_hil.telemetry.recording import read_recording
     from macor_hil.telemetry.replay import Stage
     from macor_hil.telemetry.replay import replay as play
@@ -125,7 +124,7 @@ def dashboard(
     The page is served to this machine only. Keys: space pauses; in a recording the arrows, Home
     and End move.
     """
-    with _extra("dashboard"):
+    with extra("dashboard"):
         from macor_hil.monitor.dashboard.app import serve
     from macor_hil.monitor.dashboard.sources import Live, Player
     from macor_hil.monitor.watcher import Watcher
@@ -136,7 +135,7 @@ def dashboard(
             session = stack.enter_context(open_session([], connect, zenoh_config))
             source = Live(stack.enter_context(Watcher(session, robot, camera=True)))
         else:
-            with _extra("recording"):
+            with extra("recording"):
                 from macor_hil.telemetry.recording import read_recording
             source = Player(*read_recording(file))
         _check_free(port)
@@ -152,12 +151,3 @@ def _check_free(port: int) -> None:
             raise MacorError(
                 f"cannot serve on port {port}: {error.strerror}; give another --port"
             ) from None
-
-
-@contextmanager
-def _extra(name: str) -> Iterator[None]:
-    """What is imported here comes with an extra."""
-    try:
-        yield
-    except ImportError as error:
-        raise MacorError(f"{error.name} is not installed; install the extra {name!r}") from None

@@ -1,33 +1,14 @@
 """What the experiments' pictures have in common."""
 
 from collections.abc import Mapping, Sequence
-from math import cos, sin
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
 
 from macor_hil.experiments.statistics import estimate
+from macor_hil.pictures import draw_way
 from macor_hil.trials import MAX_COMMANDS, Trial
 from protocol.side_channel import Outline
-
-
-def draw_way(axes: Axes, outline: Outline, trial: Trial) -> None:
-    """The arena, and the robot after every command; the last one red after a collision."""
-    axes.set_facecolor(outline.floor)
-    for solid in outline.solids:
-        axes.add_patch(Polygon(solid.corners, facecolor=solid.colour, edgecolor="none"))
-    radius = outline.robot_radius
-    for number, pose in enumerate(trial.path):
-        hit = trial.collided and number == len(trial.path) - 1
-        colour = "red" if hit else "white"
-        place = (pose.x, pose.y)
-        axes.add_patch(Circle(place, radius, fill=False, edgecolor=colour, linewidth=0.8))
-        nose = pose.x + radius * cos(pose.heading), pose.y + radius * sin(pose.heading)
-        axes.plot([pose.x, nose[0]], [pose.y, nose[1]], color=colour, linewidth=0.8)
-    axes.set_aspect("equal")
-    axes.autoscale_view()
 
 
 def draw_trials(trials: Mapping[str, tuple[Outline, Trial]]) -> Figure:
@@ -36,7 +17,7 @@ def draw_trials(trials: Mapping[str, tuple[Outline, Trial]]) -> Figure:
     axes = figure.subplots(2, len(trials), squeeze=False, height_ratios=[4, 1], sharey="row")
     for column, (name, (outline, trial)) in enumerate(trials.items()):
         above, below = axes[0][column], axes[1][column]
-        draw_way(above, outline, trial)
+        draw_way(above, outline, trial, width=0.8)
         end = "collision" if trial.collided else "no collision"
         above.set_title(f"{name}\n{trial.length} commands, {end}", fontsize=10)
         above.set_xlabel("x in m")

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
+from itertools import starmap
 from pathlib import Path
 from string import Template
 from typing import Any, Final
@@ -17,9 +18,8 @@ _TITLE: Final = "MACOR with Fuzzy ART, reproduced"
 _SCOPE: Final = (
     'The experiments of "Integration of a Fuzzy ART Approach in a Biologically Inspired'
     ' Sensorimotor Architecture" on an emulated Khepera robot, over its serial protocol and from'
-    " the pictures of"
-    " its omnidirectional camera. One training seed is one independent sample; intervals are 95 %"
-    " bootstrap intervals over seeds."
+    " the pictures of its omnidirectional camera. One training seed is one independent sample;"
+    " intervals are 95 % bootstrap intervals over seeds."
 )
 
 _PAGE: Final = Template("""<!DOCTYPE html>
@@ -74,23 +74,25 @@ def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str
     Raises:
         MacorError: the folder cannot be written to.
     """
+    told = [(c.experiment, c.experiment.tell(c.experiment.settings, c.results)) for c in chapters]
+    cost = _cost_table(costs)
     for chapter in chapters:
         _draw(folder, chapter)
     page = folder / "index.html"
-    links = (f'<a href="#{c.experiment.name}">{escape(c.experiment.title)}</a>' for c in chapters)
+    links = (f'<a href="#{e.name}">{escape(e.title)}</a>' for e, _ in told)
     text = _PAGE.substitute(
         title=_TITLE,
         scope=escape(_SCOPE, quote=False),
         contents="<br>".join(links),
-        chapters="\n".join(map(_chapter, chapters)),
-        costs=_html(_cost_table(costs), ""),
+        chapters="\n".join(starmap(_chapter, told)),
+        costs=_html(cost, ""),
     )
     write_atomically(page, text.encode())
     parts = [f"# {_TITLE}", _SCOPE]
-    for chapter in chapters:
-        parts.append(f"## {chapter.experiment.title}")
-        parts += (_markdown(block, chapter.experiment.name) for block in _blocks(chapter))
-    parts.append(_markdown(_cost_table(costs), ""))
+    for experiment, blocks in told:
+        parts.append(f"## {experiment.title}")
+        parts += (_markdown(block, experiment.name) for block in blocks)
+    parts.append(_markdown(cost, ""))
     write_atomically(folder / "report.md", "\n\n".join([*parts, ""]).encode())
     return page
 
@@ -103,14 +105,9 @@ def _draw(folder: Path, chapter: Chapter) -> None:
         write_atomically(folder / _file(experiment.name, name), buffer.getvalue())
 
 
-def _chapter(chapter: Chapter) -> str:
-    experiment = chapter.experiment
-    body = "\n".join(_html(block, experiment.name) for block in _blocks(chapter))
+def _chapter(experiment: Experiment, blocks: Sequence[Block]) -> str:
+    body = "\n".join(_html(block, experiment.name) for block in blocks)
     return f'<h2 id="{experiment.name}">{escape(experiment.title)}</h2>\n{body}'
-
-
-def _blocks(chapter: Chapter) -> Sequence[Block]:
-    return chapter.experiment.tell(chapter.experiment.settings, chapter.results)
 
 
 def _markdown(block: Block, experiment: str) -> str:

@@ -11,12 +11,12 @@ from rich.text import Text
 from macor_hil.monitor.watched import Arrivals, Controlled, Emulated, Watched
 from macor_hil.telemetry.schemas import Alternative, Decision, Link, Phase, State
 from protocol.commands import SENSORS
+from protocol.units import PROXIMITY_FULL
 
 _BAR_WIDTH: Final = 32
 _MOST_ALTERNATIVES: Final = 5
 _EIGHTHS: Final = " ▏▎▍▌▋▊▉█"
 _LEVELS: Final = "▁▂▃▄▅▆▇█"
-_PROXIMITY_FULL: Final = 1023
 _SENSORS: Final = tuple(
     name.replace("left", "L").replace("right", "R").replace("back", "back") for name in SENSORS
 )
@@ -182,7 +182,7 @@ def _infrared(readings: list[int]) -> Table:
     table.add_row(*(Text(name, style="dim") for name in _SENSORS))
     table.add_row(
         *(
-            Text(f"{_level(reading / _PROXIMITY_FULL)} {reading:4}", style=_proximity(reading))
+            Text(f"{_level(reading / PROXIMITY_FULL)} {reading:4}", style=_proximity(reading))
             for reading in readings
         )
     )
@@ -190,7 +190,7 @@ def _infrared(readings: list[int]) -> Table:
 
 
 def _proximity(reading: int) -> str:
-    share = reading / _PROXIMITY_FULL
+    share = reading / PROXIMITY_FULL
     return "red" if share > 0.9 else "yellow" if share > 0.3 else "default"
 
 

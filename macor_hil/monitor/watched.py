@@ -8,7 +8,7 @@ from typing import Final
 from pydantic import ValidationError
 
 from macor_hil.telemetry.feed import CAMERA, Arrival, Event, Presence
-from macor_hil.telemetry.keys import FRAME, KEYS
+from macor_hil.telemetry.keys import FRAME, PAYLOADS
 from macor_hil.telemetry.schemas import Decision, Learned, Link, State
 from protocol.keys import EMULATOR
 from protocol.side_channel import Outline, Payload, Pose, Truth, Wire, WireEntry
@@ -27,8 +27,6 @@ _STEP: Final = 0.002
 
 _JUMP: Final = 0.05
 """Metres between two truths beyond which the robot was put there."""
-
-_PAYLOADS: Final = {(key.side, key.leaf): key.payload for key in KEYS if key.payload}
 
 _NS: Final = 1e-9
 
@@ -190,7 +188,7 @@ class Watched:
         now = arrival.received * _NS
         if arrival.leaf == FRAME or (arrival.leaf == CAMERA and not self.controlled.alive):
             self.see(arrival.data, now)
-        elif kind := _PAYLOADS.get((arrival.side, arrival.leaf)):
+        elif kind := PAYLOADS.get((arrival.side, arrival.leaf)):
             self._read(kind.model_validate_json(arrival.data), now if arrival.live else None)
 
     def _read(self, payload: Payload, now: float | None) -> None:

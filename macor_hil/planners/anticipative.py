@@ -13,7 +13,7 @@ Both can be stopped after any number of wave steps; the decision gets better wit
 import numpy as np
 
 from macor_hil.memory import Memory
-from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
+from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, best_ends, ranked
 from macor_hil.sensorimotor_map import Array, Indices, Transitions
 
 
@@ -35,17 +35,12 @@ class Anticipative:
         known = memory.map.transitions()
         y_a, steps = self._spread(known, start)
         weighed, successor = _run_back(known, y_a, start)
-        best: list[float | None] = [None] * commands
-        firsts = [-1] * commands
-        for i, value in weighed:
-            a = i % commands
-            before = best[a]
-            if before is None or value > before:
-                # no sequence meets a neuron twice, the start neither
-                best[a], firsts[a] = value, -1 if i == start else i
+        best, firsts = best_ends(weighed, commands)
         evaluations = tuple(best)
         command = best_command(evaluations)
         first = -1 if command is None else firsts[command]
+        if first == start:
+            first = -1  # no sequence meets a neuron twice, the start neither
         return Plan(
             evaluations,
             command,

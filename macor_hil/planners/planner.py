@@ -73,6 +73,24 @@ def ranked(hypotheses: Iterable[Hypothesis], commands: int) -> tuple[Hypothesis,
     return tuple(sorted(hypotheses, key=rank))
 
 
+def best_ends(
+    weighed: Iterable[tuple[int, float]], commands: int
+) -> tuple[list[float | None], list[int]]:
+    """What each command is worth at best, and the neuron that it then leads to (None and -1: none).
+
+    Args:
+        weighed: neurons that can follow, each with what that is worth; the first one wins a tie.
+        commands: m.
+    """
+    best: list[float | None] = [None] * commands
+    ends = [-1] * commands
+    for i, value in weighed:
+        before = best[i % commands]
+        if before is None or value > before:
+            best[i % commands], ends[i % commands] = value, i
+    return best, ends
+
+
 def best_command(evaluations: tuple[float | None, ...]) -> int | None:
     """The command of the greatest evaluation, the first one at a tie."""
     known = [(value, -a) for a, value in enumerate(evaluations) if value is not None]

@@ -13,7 +13,7 @@ for it. Competence weights are not used.
 """
 
 from macor_hil.memory import Memory
-from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
+from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, best_ends, ranked
 from macor_hil.sensorimotor_map import SensorimotorMap
 
 
@@ -56,14 +56,8 @@ class QLearning:
         """Evaluate the commands that can follow the present neuron."""
         commands, transitions = memory.map.commands, memory.map.transitions()
         own = transitions.after(now.neuron)
-        best: list[float | None] = [None] * commands
-        ends = [-1] * commands
-        for i, value in zip(
-            transitions.present[own].tolist(), transitions.w_r[own].tolist(), strict=True
-        ):
-            before = best[i % commands]
-            if before is None or value > before:
-                best[i % commands], ends[i % commands] = value, i
+        weighed = zip(transitions.present[own].tolist(), transitions.w_r[own].tolist(), strict=True)
+        best, ends = best_ends(weighed, commands)
         command = best_command(tuple(best))
         sequence = () if command is None else (ends[command],)
         known = ((end, value) for end, value in zip(ends, best, strict=True) if value is not None)

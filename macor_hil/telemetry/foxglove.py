@@ -19,14 +19,13 @@ from macor_hil.telemetry.feed import Arrival, Event
 from macor_hil.telemetry.schemas import Decision
 from protocol.commands import SENSOR_BEARINGS
 from protocol.side_channel import Outline, Pose, Truth, Wire
+from protocol.units import BODY_RADIUS, PROXIMITY_FULL
 
 _ARENA: Final = "arena"
 _ODOMETRY: Final = "odometry"
 _ROBOT: Final = "robot"
-_RADIUS: Final = 0.0275
 _REACH: Final = 0.04
 """Metres that the arrow of a sensor with the greatest reading is long."""
-_FULL: Final = 1023
 _LOG_LEVELS: Final = {"fault": Log.WARNING}
 
 
@@ -93,15 +92,15 @@ def _infrared(readings: Iterable[int], received: int) -> SceneUpdate:
     entity = update.entities.add(frame_id=_ROBOT, id="infrared", frame_locked=True)
     entity.timestamp.FromNanoseconds(received)
     for bearing, reading in zip(map(radians, SENSOR_BEARINGS), readings, strict=True):
-        share = min(max(reading / _FULL, 0.0), 1.0)
+        share = min(max(reading / PROXIMITY_FULL, 0.0), 1.0)
         arrow = entity.arrows.add(
             shaft_length=0.005 + share * _REACH,
             shaft_diameter=0.004,
             head_length=0.004,
             head_diameter=0.008,
         )
-        arrow.pose.position.x = _RADIUS * cos(bearing)
-        arrow.pose.position.y = _RADIUS * sin(bearing)
+        arrow.pose.position.x = BODY_RADIUS * cos(bearing)
+        arrow.pose.position.y = BODY_RADIUS * sin(bearing)
         arrow.pose.orientation.z = sin(bearing / 2)
         arrow.pose.orientation.w = cos(bearing / 2)
         arrow.color.r, arrow.color.g, arrow.color.a = share, 1.0 - share, 1.0

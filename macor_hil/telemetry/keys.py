@@ -58,3 +58,6 @@ CONTROLLER_KEYS: Final = (
 
 KEYS: Final = EMULATOR_KEYS + CONTROLLER_KEYS
 """All keys of a robot: the emulator's, then the controller's."""
+
+PAYLOADS: Final = {(key.side, key.leaf): key.payload for key in KEYS if key.payload}
+"""What travels as JSON, by side and leaf."""

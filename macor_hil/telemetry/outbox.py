@@ -4,7 +4,6 @@ import logging
 import threading
 from collections.abc import Callable
 from queue import SimpleQueue
-from types import TracebackType
 from typing import Final, Self
 
 import zenoh
@@ -32,12 +31,7 @@ class Outbox:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        _: type[BaseException] | None,
-        __: BaseException | None,
-        ___: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._actions.put(None)
         self._thread.join(_PATIENCE)
 

@@ -51,9 +51,8 @@ class Publisher:
             self._links = _JsonKey(stack, session, controller_key(robot, LINK), Link)
             alive = session.liveliness().declare_token(controller_key(robot, ALIVE))
             stack.enter_context(alive)
-            self._outbox = stack.enter_context(
-                Outbox()
-            )  # the last: what it has left still goes out
+            # the last one, and so the first to end: what it has left still goes out
+            self._outbox = stack.enter_context(Outbox())
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:

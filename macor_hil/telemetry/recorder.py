@@ -3,13 +3,14 @@
 import time
 from math import inf
 from pathlib import Path
+from typing import Final
 
 import zenoh
 
 from macor_hil.telemetry.feed import Feed
 from macor_hil.telemetry.recording import Recorder
 
-_LOOK: float = 0.2
+_LOOK: Final = 0.2
 """Seconds after which an idle recorder looks at the clock."""
 
 

@@ -26,7 +26,7 @@ from mcap_protobuf.schema import register_schema
 from macor_hil.errors import RecordingError
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.foxglove import drawings
-from macor_hil.telemetry.keys import ALIVE, KEYS
+from macor_hil.telemetry.keys import ALIVE, KEYS, PAYLOADS
 from protocol.keys import schema_name
 from protocol.side_channel import Payload, Stamp
 
@@ -35,7 +35,6 @@ _CHUNK: Final = 16 * 1024
 
 _LIBRARY: Final = "macor-hil"
 _SECOND: Final = 1_000_000_000
-_PAYLOADS: Final = {(key.side, key.leaf): key.payload for key in KEYS if key.payload}
 
 
 class Alive(Payload):
@@ -116,7 +115,7 @@ class Recorder:
             raise self._failed(error) from None
 
     def _sample(self, arrival: Arrival) -> None:
-        payload = _PAYLOADS.get((arrival.side, arrival.leaf))
+        payload = PAYLOADS.get((arrival.side, arrival.leaf))
         topic = f"{arrival.side}/{self._robot}/{arrival.leaf}"
         if payload:
             channel = self._json_channel(topic, arrival.side, payload)
@@ -225,7 +224,7 @@ def _event(topic: str, schema: Schema | None, message: McapMessage) -> Event | N
         alive = Alive.model_validate_json(message.data).alive
         return Presence(side, alive, message.log_time)
     data, encoding = message.data, f"application/json;{schema.name if schema else ''}"
-    if (side, leaf) not in _PAYLOADS:
+    if (side, leaf) not in PAYLOADS:
         try:
             picture = CompressedImage.FromString(data)
         except DecodeError:

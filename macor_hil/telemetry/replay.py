@@ -13,7 +13,7 @@ from typing import Final, Self
 import zenoh
 
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.keys import ALIVE, KEYS
+from macor_hil.telemetry.keys import ALIVE, PAYLOADS
 from macor_hil.telemetry.session import check_robot_name
 from protocol.keys import CONTROLLER, DESCRIBE, EMULATOR, SCHEMA_MEDIA_TYPE
 
@@ -131,11 +131,9 @@ class Stage:
 
     def _describe(self, query: zenoh.Query, key: str) -> None:
         side, _, leaf = key.split("/")
-        for each in KEYS:
-            if (each.side, each.leaf) == (side, leaf) and each.payload:
-                schema = json.dumps(each.payload.model_json_schema())
-                query.reply(key, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
-                return
+        if payload := PAYLOADS.get((side, leaf)):
+            schema = json.dumps(payload.model_json_schema())
+            query.reply(key, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
 
 
 def _attachment(arrival: Arrival) -> str | None:

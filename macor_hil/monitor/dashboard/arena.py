@@ -18,9 +18,9 @@ from macor_hil.monitor.dashboard.svg import (
 from macor_hil.monitor.watched import Watched
 from macor_hil.telemetry.schemas import Ahead, Command, Hypothesis
 from protocol.side_channel import Outline, Pose
+from protocol.units import BODY_RADIUS
 
 _MOST_HYPOTHESES: Final = 12
-_RADIUS: Final = 0.0275
 _MARGIN: Final = 0.02
 _SMALLEST: Final = 0.36
 """Metres that are shown at least."""
@@ -37,7 +37,7 @@ def arena(watched: Watched) -> str:
     In the frame of the odometry where nobody knows the truth.
     """
     outline, path = watched.emulated.outline, driven_path(watched)
-    radius = outline.robot_radius if outline else _RADIUS
+    radius = outline.robot_radius if outline else BODY_RADIUS
     ways = hypothetical_ways(watched)
     robot = [_robot(path[-1], radius, touching=_touching(watched))] if path else []
     ground = _solids(outline) if outline else []

@@ -20,11 +20,11 @@ from macor_hil.monitor.dashboard.svg import (
 )
 from macor_hil.telemetry.schemas import Decision, Learned
 from protocol.commands import SENSOR_BEARINGS, SENSORS
+from protocol.units import PROXIMITY_FULL
 
 _CELL: Final = 12.0
 _LEFT: Final = 62.0
 _MOST_BARS: Final = 60
-_FULL: Final = 1023
 
 
 def columns(decision: Decision | None, learned: Learned | None) -> str:
@@ -201,7 +201,7 @@ def infrared(readings: list[int] | None) -> str:
         )
     )
     for name, bearing, reading in zip(SENSORS, SENSOR_BEARINGS, readings or (), strict=False):
-        share = min(max(reading / _FULL, 0.0), 1.0)
+        share = min(max(reading / PROXIMITY_FULL, 0.0), 1.0)
         outer = radius + 2 + share * reach
         corners = [
             _around(centre, r, bearing + side)

@@ -1,6 +1,7 @@
 """What the robot sees: mirror image and panorama, with the receptive fields drawn in."""
 
 import base64
+from functools import lru_cache
 from math import cos, exp, pi, sin
 from typing import Final
 
@@ -150,10 +151,15 @@ def _unwrapped(frame: bytes, eye: Eye | None) -> bytes | None:
     if image is None:
         return None
     try:
-        flat: Image = Unwrapper(_mirror_of(eye), _SIZE)(np.asarray(image, dtype=np.uint8))
+        flat: Image = _unwrapper(_mirror_of(eye))(np.asarray(image, dtype=np.uint8))
     except CameraError:
         return None  # another camera than the one described
     return bytes(cv2.imencode(".jpg", flat)[1].tobytes())
+
+
+@lru_cache(4)
+def _unwrapper(mirror: Mirror) -> Unwrapper:
+    return Unwrapper(mirror, _SIZE)
 
 
 def _picture(data: bytes, width: float, height: float) -> str:

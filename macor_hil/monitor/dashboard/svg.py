@@ -64,8 +64,7 @@ def points(places: Iterable[tuple[float, float]]) -> str:
 
 def rgb(colour: tuple[float, float, float]) -> str:
     """A colour of shares from 0 to 1."""
-    red, green, blue = (round(255 * min(max(share, 0.0), 1.0)) for share in colour)
-    return f"#{red:02x}{green:02x}{blue:02x}"
+    return _hexadecimal(255 * min(max(share, 0.0), 1.0) for share in colour)
 
 
 def heat(share: float) -> str:
@@ -73,12 +72,15 @@ def heat(share: float) -> str:
     t = min(max(share, 0.0), 1.0) * (len(_HEAT) - 1)
     low = min(int(t), len(_HEAT) - 2)
     mixed = (a + (t - low) * (b - a) for a, b in zip(_HEAT[low], _HEAT[low + 1], strict=True))
-    red, green, blue = (round(part) for part in mixed)
-    return f"#{red:02x}{green:02x}{blue:02x}"
+    return _hexadecimal(mixed)
 
 
 # five stops of a scale that grows evenly in lightness and can be told apart by the colour blind
 _HEAT: Final = ((27, 32, 46), (49, 78, 128), (38, 130, 142), (110, 190, 100), (250, 220, 80))
+
+
+def _hexadecimal(parts: Iterable[float]) -> str:
+    return "#" + "".join(f"{round(part):02x}" for part in parts)
 
 
 def _value(value: object) -> str:
