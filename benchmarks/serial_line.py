@@ -1,12 +1,11 @@
 """Exchanges through the emulator's pseudo-terminal: how many, how late, how exactly in time."""
 
 import os
-import select
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from statistics import median
 
@@ -20,7 +19,6 @@ _EXCHANGES = 3000
 _PACED = {9600: 60, 38400: 150, 115200: 300}
 """Rate -> exchanges in one round."""
 
-_SLEEPS = 60
 _DRIVE, _STOP, _REQUEST = b"D,3,-3\n", b"D,0,0\n", b"H\n"
 _SENSORS = b"N\n"
 
@@ -64,8 +62,7 @@ class Exchanges:
         emulator, daemon = stack.enter_context(_emulator("unpaced"))
         self._robot = Client(emulator)
         reply = self._robot.by_line(_REQUEST).rstrip().decode()
-        script = str(Path(__file__).with_name("bare_pty.py"))
-        bare, echo = stack.enter_context(_process(script, reply))
+        bare, echo = stack.enter_context(_bare_pty(reply))
         self._bare = Client(bare)
         self._pids = {"robot": daemon, "bare": echo}
 
@@ -129,48 +126,58 @@ class WireTime:
     """Error of the moment at which the last byte of a reply is there, at real rates.
 
     The ideal: every byte of request and reply takes 11 bit times, the interpreter 1.5 ms between.
+    Held against a bare pseudo-terminal that sleeps for that time and answers: what the system's
+    sleeps, wake-ups and terminals are late by themselves.
     """
 
     def __init__(self, stack: ExitStack) -> None:
         path, _ = stack.enter_context(_emulator("auto"))
-        self._client = Client(path)
-        self._errors: dict[int, list[float]] = {rate: [] for rate in _PACED}
+        self._robot = Client(path)
+        reply = self._robot.by_chunk(_SENSORS).rstrip().decode()
+        bare, _ = stack.enter_context(_bare_pty(reply))
+        self._bare = Client(bare)
+        self._errors: dict[tuple[str, int], list[float]] = {
+            (name, rate): [] for name in ("robot", "bare") for rate in _PACED
+        }
         self._ideals: dict[int, float] = {}
-        self._late: list[float] = []
 
     def round(self) -> dict[str, float]:
-        """All rates in turn, and bare sleeps, which show how late the system itself is."""
+        """All rates, the robot and the bare terminal in turn."""
+        clock = time.perf_counter
         for rate, exchanges in _PACED.items():
-            self._client.port.baudrate = rate
+            self._robot.port.baudrate = rate
             for _ in range(exchanges):
-                start = time.perf_counter()
-                reply = self._client.by_chunk(_SENSORS)
-                taken = time.perf_counter() - start
+                start = clock()
+                reply = self._robot.by_chunk(_SENSORS)
+                taken = clock() - start
                 ideal = wire_time(len(_SENSORS) + len(reply), rate) + INTERPRETER_TIME
-                self._errors[rate].append(taken - ideal)
+                self._errors["robot", rate].append(taken - ideal)
                 self._ideals[rate] = ideal
-        for _ in range(_SLEEPS):
-            start = time.perf_counter()
-            select.select((), (), (), 0.005)
-            self._late.append(time.perf_counter() - start - 0.005)
+                wait = f"{ideal:.6f}\n".encode()
+                start = clock()
+                self._bare.by_chunk(wait)
+                self._errors["bare", rate].append(clock() - start - ideal)
         return {}
 
     def figures(self, medians: Mapping[str, float]) -> list[Figure]:  # noqa: ARG002 - all rounds count
         """Percentiles over all rounds."""
-        late = percentile(self._late)
         rows = []
-        for rate, errors in self._errors.items():
-            middle, far = median(errors), percentile([abs(error) for error in errors])
+        for rate, ideal in self._ideals.items():
+            robot, bare = (self._spread(name, rate) for name in ("robot", "bare"))
             rows.append(
                 Figure(
                     f"wire time error, {rate} baud: median, 99th percentile",
-                    f"{1e3 * middle:+.2f} ms, {1e3 * far:.2f} ms",
-                    f"exchange {1e3 * self._ideals[rate]:.1f} ms; bare sleep late by"
-                    f" {1e3 * late:.2f} ms (p99)",
-                    f"{100 * far / self._ideals[rate]:.1f} % of the exchange",
+                    f"{1e3 * robot[0]:+.2f} ms, {1e3 * robot[1]:.2f} ms",
+                    f"bare pty that sleeps {1e3 * ideal:.1f} ms:"
+                    f" {1e3 * bare[0]:+.2f} ms, {1e3 * bare[1]:.2f} ms",
+                    f"{robot[1] / bare[1]:.2f}",
                 )
             )
         return rows
+
+    def _spread(self, name: str, rate: int) -> tuple[float, float]:
+        errors = self._errors[name, rate]
+        return median(errors), percentile([abs(error) for error in errors])
 
 
 def _latencies(exchange: Exchange, count: int) -> list[float]:
@@ -194,6 +201,10 @@ def _emulator(baud: str) -> Iterator[tuple[str, int]]:
     options = ("-m", "khepera_emulator.cli", "run", "--no-zenoh", "--arena", "open-box")
     with _process(*options, "--baud", baud) as (announced, pid):
         yield announced.partition(" on ")[2].partition(",")[0], pid
+
+
+def _bare_pty(reply: str) -> AbstractContextManager[tuple[str, int]]:
+    return _process(str(Path(__file__).with_name("bare_pty.py")), reply)
 
 
 @contextmanager
