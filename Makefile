@@ -20,7 +20,7 @@ run: $(READY)
 	$(BIN)/macor-hil demo
 
 test: lint
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 4
 
 lint: $(READY)
 	$(BIN)/ruff check .
