@@ -1,5 +1,6 @@
 """All experiments, in the order of the report."""
 
+from importlib.util import find_spec
 from typing import Final
 
 from macor_hil.errors import MacorError
@@ -10,6 +11,7 @@ from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.figure3 import FIGURE3
 from macor_hil.experiments.figure4 import FIGURE4
 from macor_hil.experiments.goals import GOALS
+from macor_hil.experiments.peers import PEERS
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
 
 EXPERIMENTS: Final[tuple[Experiment, ...]] = (
@@ -21,19 +23,23 @@ EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     BEYOND,
     GOALS,
     DRIFT,
+    PEERS,
 )
 
 ALL: Final = "all"
 
 
 def find(name: str) -> tuple[Experiment, ...]:
-    """The experiment of a name, or all of them.
+    """The experiment of a name, or all that need no peer.
 
     Raises:
-        MacorError: there is none of that name.
+        MacorError: there is none of that name, or its peer is not installed.
     """
-    found = tuple(e for e in EXPERIMENTS if name in (e.name, ALL))
+    found = tuple(e for e in EXPERIMENTS if name == e.name or (name == ALL and e.peer is None))
     if not found:
         names = ", ".join([*(e.name for e in EXPERIMENTS), ALL])
         raise MacorError(f"there is no experiment {name!r}; give one of {names}")
+    for experiment in found:
+        if experiment.peer is not None and find_spec(experiment.peer) is None:
+            raise MacorError(f"{experiment.peer} is not installed; install the extra 'peers'")
     return found

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from matplotlib.figure import Figure
 
 from macor_hil.experiments.blocks import Block
 from macor_hil.experiments.recording import Drive, Recordings
 from macor_hil.experiments.results import Result, Results
+
+TOOK: Final = "took"
+"""Where a result may say what its parts took."""
 
 
 class Settings(Protocol):
@@ -34,11 +37,14 @@ class Experiment:
         title: in the report.
         settings: with the paper's values.
         trial: a pure function of settings and seed; recordings are an argument because they are
-            kept, not because they could differ.
+            kept, not because they could differ. What its parts took, in seconds by their names, may
+            be under TOOK in a result, and is kept apart from it.
         draw: pictures of the results by name.
         tell: the report's text, the paper's numbers beside ours.
         results: name under which results are kept, for experiments that share trials.
         most_seeds: seeds beyond these are left out of it; None: all take part.
+        peer: another implementation that it compares with, of the extra `peers`; such an
+            experiment runs when it is asked for by its name.
     """
 
     name: str
@@ -49,6 +55,7 @@ class Experiment:
     tell: Callable[[Any, Results], Sequence[Block]]
     results: str = ""
     most_seeds: int | None = None
+    peer: str | None = None
 
     @property
     def kept_as(self) -> str:

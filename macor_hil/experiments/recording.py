@@ -7,7 +7,7 @@ from it afterwards. The drive is that of `macor_hil.training`: random commands, 
 """
 
 import io
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -103,6 +103,17 @@ class Recording:
         """Number of frames up to the one after so many commands, that one included."""
         driven = np.cumsum(self.commands != PUT_DOWN)
         return min(int(np.searchsorted(driven, commands)) + 1, len(driven))
+
+    def first(self, commands: int) -> "Recording":
+        """The beginning of the drive, so many commands long."""
+        end = self.frames_of(commands)
+        return replace(
+            self,
+            raw=self.raw[:end],
+            commands=self.commands[:end],
+            collided=self.collided[:end],
+            robot_seconds=self.robot_seconds * end / len(self.commands),
+        )
 
 
 def record(drive: Drive, seed: int) -> Recording:

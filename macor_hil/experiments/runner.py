@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 import joblib
 
 from macor_hil.experiments.engine import engine
-from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.experiment import TOOK, Experiment
 from macor_hil.experiments.recording import Recordings
 from macor_hil.experiments.report import Chapter, write_report
 from macor_hil.experiments.results import (
@@ -93,9 +93,12 @@ def _sweep(
             append_line(out / COSTS, _cost("recording", seed, seconds))
         work = _Trial(experiment.trial, settings, recordings)
         for seed, result, seconds in _parallel(work, missing, workers, experiment.name, watch):
+            took = result.pop(TOOK, {})
             file.append(seed, result)
             results[seed] = result
             append_line(out / COSTS, _cost(experiment.kept_as, seed, seconds))
+            for part, spent in took.items():
+                append_line(out / COSTS, _cost(f"{experiment.kept_as}: {part}", seed, spent))
         file.write(results)
     return {seed: results[seed] for seed in seeds}
 

@@ -1,0 +1,257 @@
+"""Peers in the same table: TD-FALCON of artlib beside the systems of table 1.
+
+It learns from the same recorded drives: the same features, commands and reinforcement, and drives
+the same trials. Its nodes, and with them the time of every presentation, grow as long as it
+learns, so it gets the beginning of each drive; the other systems learn the same beginning, and the
+whole drive besides. artlib is optional (the extra `peers`).
+"""
+
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from time import process_time
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from macor_hil.experiments.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.drawing import draw_seeds
+from macor_hil.experiments.experiment import TOOK, Experiment
+from macor_hil.experiments.falcon import PEER, FuzzySets, Parameters, learn_falcon
+from macor_hil.experiments.learning import (
+    ANTICIPATIVE,
+    GRADED,
+    REACTIVE,
+    Learning,
+    Q,
+    System,
+    learn_all,
+)
+from macor_hil.experiments.recording import Drive, Recording, Recordings
+from macor_hil.experiments.results import Result, Results
+from macor_hil.experiments.statistics import estimate, mean, order
+from macor_hil.experiments.systems import (
+    Course,
+    Mind,
+    on_course,
+    trial_as_json,
+    trial_from_json,
+)
+from macor_hil.experiments.table1 import reinforcement_a_step
+from macor_hil.trials import Trial
+
+FALCON: Final = "TD-FALCON"
+OWN: Final = (REACTIVE, ANTICIPATIVE, Q, GRADED)
+
+
+@dataclass(frozen=True)
+class Settings(Learning):
+    """What is learned, and with which parameters TD-FALCON is tried."""
+
+    drive: Drive = field(default_factory=Drive)
+    """The training drive."""
+    first: int = 3_000
+    """TD-FALCON learns from so many of its first commands."""
+    candidates: tuple[Parameters, ...] = (
+        Parameters(),
+        Parameters(discount=0.0),
+        Parameters(discount=0.9),
+        Parameters(worth=0.9),
+        Parameters(state=0.4),
+        Parameters(state=0.75),
+    )
+    """All are driven; the one with the longest trials stands for TD-FALCON."""
+    course: Course = field(default_factory=Course)
+    """Trials."""
+
+    @property
+    def arenas(self) -> tuple[str, ...]:
+        """Where trials are driven."""
+        return (self.course.arena,)
+
+
+def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
+    """Learn all systems from the drive of a seed, and drive their trials."""
+    whole = recordings[seed]
+    first = whole.first(settings.first)
+    systems: dict[str, System] = {}
+    nodes: dict[str, int] = {}
+    took: dict[str, float] = {}
+    for label, part in (_first(settings), first), (_WHOLE, whole):
+        since = process_time()
+        learned = learn_all(settings, part)
+        took[f"all systems of table 1, {label}"] = process_time() - since
+        systems |= {f"{name}, {label}": learned[name] for name in OWN}
+    for candidate in settings.candidates:
+        since = process_time()
+        falcon = learn_falcon(candidate, first, settings.reinforcement)
+        name = _name(candidate)
+        took[name] = process_time() - since
+        nodes[name] = falcon.nodes
+        systems[name] = System(_eyes_of(first), falcon)
+    with on_course(settings.course, seed, settings.drive.drift) as track:
+        trials = {
+            name: [trial_as_json(one) for one in track.drive(system.mind, system.planner, seed)]
+            for name, system in systems.items()
+        }
+    return {PEER: version(PEER), "nodes": nodes, "trials": trials, TOOK: took}
+
+
+def _eyes_of(recording: Recording) -> Mind:
+    """Sees as all systems do; TD-FALCON has its own situations and does not look at these."""
+    brain = recording.brain
+    return Mind(brain, brain.art, brain.memory, FuzzySets())
+
+
+_WHOLE: Final = "whole drive"
+
+
+def _first(settings: Settings) -> str:
+    return f"first {settings.first:,}"
+
+
+def _name(candidate: Parameters) -> str:
+    return f"{FALCON}, {candidate}"
+
+
+def _trials(results: Results, name: str) -> list[list[Trial]]:
+    """Trials of a system, one list a seed."""
+    return [[trial_from_json(t) for t in result["trials"][name]] for result in results.values()]
+
+
+def _lengths(results: Results, name: str) -> list[float]:
+    """Mean length of trials of every seed."""
+    return [float(np.mean([t.length for t in trials])) for trials in _trials(results, name)]
+
+
+def _totals(results: Results, name: str) -> list[float]:
+    """Mean reinforcement per trial of every seed."""
+    return [float(np.mean([t.total for t in trials])) for trials in _trials(results, name)]
+
+
+def best(settings: Settings, results: Results) -> str:
+    """The candidate with the longest trials, the first one at a tie."""
+    names = map(_name, settings.candidates)
+    return max(names, key=lambda name: float(np.mean(_lengths(results, name))))
+
+
+def draw(settings: Settings, results: Results) -> dict[str, Figure]:
+    """Every seed: the best candidate, and the other systems on as much and on the whole drive."""
+    shown = {f"{FALCON},\n{_first(settings)}": _lengths(results, best(settings, results))}
+    for label in (_first(settings), _WHOLE):
+        shown |= {f"{name},\n{label}": _lengths(results, f"{name}, {label}") for name in OWN}
+    return {"lengths": draw_seeds(shown, "commands in a trial, mean of a seed's trials", {})}
+
+
+def tell(settings: Settings, results: Results) -> list[Block]:
+    """All systems in one table, the test of their order, and what it says and does not."""
+    return [
+        Text(_scope(settings, results)),
+        _table(settings, results),
+        _order_table(settings, results),
+        Text(_verdict(settings, results)),
+        Picture("lengths", f"Every training seed; {best(settings, results)}."),
+        Text(_FAIRNESS),
+    ]
+
+
+def _scope(settings: Settings, results: Results) -> str:
+    versions = sorted({result[PEER] for result in results.values()})
+    return (
+        f"{len(results)} training seeds, each another robot; {settings.course.trials} trials of at"
+        f" most {settings.course.commands} commands of every system and seed. {FALCON} is that of"
+        f" artlib {', '.join(versions)}. It learns the first {settings.first:,} commands of each"
+        f" seed's drive, once and in their order; the systems of table 1 learn the same ones, and"
+        f" the whole drive of {settings.drive.random + settings.drive.reactive:,}. What learning"
+        " took, in seconds of a processor, is in the table of costs below."
+    )
+
+
+def _table(settings: Settings, results: Results) -> Table:
+    rows = []
+    for name in map(_name, settings.candidates):
+        nodes = np.mean([result["nodes"][name] for result in results.values()])
+        rows.append(_row(results, name, f"{nodes:.0f}"))
+    for label in (_first(settings), _WHOLE):
+        rows += [_row(results, f"{name}, {label}", str(settings.nodes)) for name in OWN]
+    head = ("system", "nodes", "length", "r per trial", "r per step", "collided")
+    return Table("Mean over seeds (95 % bootstrap interval)", head, tuple(rows))
+
+
+def _row(results: Results, name: str, nodes: str) -> tuple[str, ...]:
+    trials = [one for seed in _trials(results, name) for one in seed]
+    return (
+        name,
+        nodes,
+        str(estimate(_lengths(results, name), mean)),
+        str(estimate(_totals(results, name), mean)),
+        f"{reinforcement_a_step(trials):.2f}",
+        f"{100 * np.mean([t.collided for t in trials]):.0f} %",
+    )
+
+
+def _pairs(settings: Settings, results: Results) -> list[tuple[str, str]]:
+    """Which is expected to be better than which: the peer lies between, as Q-learning does."""
+    peer, label = best(settings, results), _first(settings)
+    better = [(f"{name}, {label}", peer) for name in (GRADED, ANTICIPATIVE, Q)]
+    return [*better, (peer, f"{REACTIVE}, {label}")]
+
+
+def _order_table(settings: Settings, results: Results) -> Table:
+    rows = []
+    for criterion, of in (("r per trial", _totals), ("length", _lengths)):
+        for a, b in _pairs(settings, results):
+            test = order(of(results, a), of(results, b))
+            counts = f"{test.wins} / {test.ties} / {test.seeds - test.wins - test.ties}"
+            said = "yes" if test.holds else "not shown"
+            names = f"{_short(a)} over {_short(b)}"
+            rows.append((names, criterion, str(test.difference), counts, f"{test.p:.4f}", said))
+    head = ("ordering", "criterion", "mean difference", "better / equal / worse", "p", "holds")
+    title = f"Test of the ordering after {settings.first:,} commands, paired by seed"
+    return Table(f"{title} (sign flips, one-sided)", head, tuple(rows))
+
+
+def _short(name: str) -> str:
+    return name.partition(",")[0]
+
+
+def _verdict(settings: Settings, results: Results) -> str:
+    chosen = best(settings, results)
+    held = [
+        f"{_short(a)} over {_short(b)}"
+        for a, b in _pairs(settings, results)
+        if order(_lengths(results, a), _lengths(results, b)).holds
+    ]
+    shown = "; ".join(held) if held else "none"
+    return (
+        f"Of {len(settings.candidates)} sets of parameters {chosen} drives longest:"
+        f" {estimate(_lengths(results, chosen), mean)} commands. It was chosen by these very"
+        f" trials, which favours it. Orderings of length that these seeds show: {shown}."
+    )
+
+
+_FAIRNESS: Final = (
+    f"What is the same: the features of all frames, the three commands, what they earn, starts and"
+    f" robots. What is not: {FALCON} keeps adding nodes, where the other systems have as many as"
+    " the paper allows. It learns what a command is worth by SARSA, the only rule that artlib has;"
+    " on a drive of random commands that is what random driving would go on to earn, and it"
+    " takes the best command under this assumption. Q-learning assumes the best command from then"
+    " on, and anticipation plans. Values are boxes that only widen, so what a node was first"
+    " taught keeps counting. What commands earn is scaled by 1 - lambda, so that values stay"
+    " between 0 and 1; a command that ends in a collision is worth what it earns. Graded"
+    " situations know more than the commands: that the robot is the same on both sides, and what"
+    " it saw in the drive that tunes the receptive fields. Trials are greedy; nothing is learned in"
+    " them. With other parameters, more passes or a drive of its own choice TD-FALCON may do"
+    " better; that was not tried."
+)
+
+PEERS: Final = Experiment(
+    "peers",
+    "Peers: TD-FALCON in the same table",
+    Settings(),
+    trial,
+    draw,
+    tell,
+    most_seeds=10,
+    peer=PEER,
+)
