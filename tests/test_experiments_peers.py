@@ -138,8 +138,8 @@ def without_artlib(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peers, "version", lambda _: "0.0")
 
     def learn(parameters: Parameters, recording: Recording, earns: Reinforcement) -> Falcon:
-        network = Network()
-        falcon = Falcon(network, parameters.discount)
+        assert (recording.commands != PUT_DOWN).sum() == EXPERIMENT.settings.first
+        falcon = Falcon(Network(), parameters.discount)
         for episode in episodes(recording, earns):
             falcon.learn(episode)
         return falcon

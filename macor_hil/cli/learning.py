@@ -204,7 +204,13 @@ def _summary(results: list[Trial]) -> list[str]:
 
 @app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10 --workers 2[/cyan]")
 def reproduce(
-    name: Annotated[str, typer.Argument(help="A figure or table of the paper, or all.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="figure2 to figure5 or table1 of the paper; beyond, goals, drift; peers, which"
+            " needs the extra of that name; or all but peers."
+        ),
+    ],
     seeds: Annotated[int, typer.Option(min=1, help="Training seeds: 1 to this number.")] = 30,
     workers: Annotated[int, typer.Option(min=1, help="Processes to share the work.")] = 1,
     cluster: Annotated[
