@@ -169,8 +169,8 @@ def test_all_learn_and_are_told_of_in_one_table(tmp_path: Path) -> None:
     assert table.rows[-1][0] == "graded situations, whole drive"
     assert [row[0] for row in order.rows[:4]] == [
         "graded situations over TD-FALCON",
-        "anticipative over TD-FALCON",
-        "Q-learning over TD-FALCON",
+        "TD-FALCON over anticipative",
+        "TD-FALCON over Q-learning",
         "TD-FALCON over reactive",
     ]
 
@@ -193,13 +193,17 @@ def test_the_candidate_with_the_longest_trials_stands_for_it() -> None:
     assert peers.best(settings, results) == NAMES[1]
     said = " ".join(b.text for b in EXPERIMENT.tell(settings, results) if isinstance(b, Text))
     assert f"{NAMES[1]} drives longest: 9.00 (9.00 to 9.00) commands" in said
-    assert "show: graded situations over TD-FALCON; TD-FALCON over reactive." in said
+    assert "show: graded situations over TD-FALCON; TD-FALCON over anticipative;" in said
+    results = dict.fromkeys(range(1, 7), result_of(dict.fromkeys(NAMES, 8)))
+    assert peers.best(settings, results) == NAMES[0]
+    said = " ".join(b.text for b in EXPERIMENT.tell(settings, results) if isinstance(b, Text))
+    assert "show: none." in said
 
 
 def test_artlib_learns_that_a_collision_is_worth_nothing() -> None:
     pytest.importorskip("artlib", reason="the extra 'peers' is not installed")
     free, wall = np.full(36, 0.1), np.full(36, 0.9)
-    falcon = Falcon.of(Parameters(), 36)
+    falcon = Falcon.of(Parameters(discount=0.5), 36)
     for turn in (0, 1):
         into_it = Episode(np.array([free, wall]), np.array([2, 2]), np.array([0.62, 0.0]), True)
         earned = np.array([0.62, 0.54, 0.62])

@@ -33,7 +33,7 @@ class Parameters:
     """Vigilance of what is seen."""
     worth: float = 0.8
     """Vigilance of what a command is worth; that of commands is 1: each is itself only."""
-    discount: float = 0.5
+    discount: float = 0.9
     """Of what comes a command later, `td_lambda` in artlib; 0: the next command alone counts."""
     rate: float = 1.0
     """How far a value moves to what was experienced, `td_alpha`."""

@@ -54,11 +54,11 @@ class Settings(Learning):
     """TD-FALCON learns from so many of its first commands."""
     candidates: tuple[Parameters, ...] = (
         Parameters(),
+        Parameters(discount=0.5),
         Parameters(discount=0.0),
-        Parameters(discount=0.9),
         Parameters(worth=0.9),
         Parameters(state=0.4),
-        Parameters(state=0.75),
+        Parameters(state=0.7),
     )
     """All are driven; the one with the longest trials stands for TD-FALCON."""
     course: Course = field(default_factory=Course)
@@ -191,10 +191,12 @@ def _row(results: Results, name: str, nodes: str) -> tuple[str, ...]:
 
 
 def _pairs(settings: Settings, results: Results) -> list[tuple[str, str]]:
-    """Which is expected to be better than which: the peer lies between, as Q-learning does."""
+    """What is tested: graded situations over the peer, the peer over the paper's systems."""
     peer, label = best(settings, results), _first(settings)
-    better = [(f"{name}, {label}", peer) for name in (GRADED, ANTICIPATIVE, Q)]
-    return [*better, (peer, f"{REACTIVE}, {label}")]
+    return [
+        (f"{GRADED}, {label}", peer),
+        *((peer, f"{name}, {label}") for name in (ANTICIPATIVE, Q, REACTIVE)),
+    ]
 
 
 def _order_table(settings: Settings, results: Results) -> Table:
