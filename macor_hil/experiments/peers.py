@@ -160,7 +160,8 @@ def _scope(settings: Settings, results: Results) -> str:
     return (
         f"{len(results)} training seeds, each another robot; {settings.course.trials} trials of at"
         f" most {settings.course.commands} commands of every system and seed. {FALCON} is that of"
-        f" artlib {', '.join(versions)}. It learns the first {settings.first:,} commands of each"
+        f" artlib {', '.join(versions)}; its vigilances are those of what is seen and of what a"
+        f" command is worth. It learns the first {settings.first:,} commands of each"
         f" seed's drive, once and in their order; the systems of table 1 learn the same ones, and"
         f" the whole drive of {settings.drive.random + settings.drive.reactive:,}. What learning"
         " took, in seconds of a processor, is in the table of costs below."
@@ -233,7 +234,7 @@ def _verdict(settings: Settings, results: Results) -> str:
 
 
 _FAIRNESS: Final = (
-    f"What is the same: the features of all frames, the three commands, what they earn, starts and"
+    "What is the same: the features of all frames, the three commands, what they earn, starts and"
     f" robots. What is not: {FALCON} keeps adding nodes, where the other systems have as many as"
     " the paper allows. It learns what a command is worth by SARSA, the only rule that artlib has;"
     " on a drive of random commands that is what random driving would go on to earn, and it"
