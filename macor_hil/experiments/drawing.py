@@ -49,6 +49,7 @@ def draw_seeds(
     axes.set_xlim(-0.6, len(values) - 0.4)
     axes.plot([], [], "o", color="tab:blue", alpha=0.4, label="a training seed")
     axes.plot([], [], "s", color="black", label="interquartile mean, 95 %")
-    axes.plot([], [], "*", color="tab:red", label="paper")
+    if paper:
+        axes.plot([], [], "*", color="tab:red", label="paper")
     axes.legend(fontsize=8)
     return figure
