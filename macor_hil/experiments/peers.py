@@ -229,7 +229,8 @@ def _verdict(settings: Settings, results: Results) -> str:
     return (
         f"Of {len(settings.candidates)} sets of parameters {chosen} drives longest:"
         f" {estimate(_lengths(results, chosen), mean)} commands. It was chosen by these very"
-        f" trials, which favours it. Orderings of length that these seeds show: {shown}."
+        " trials, among parameters around the best of an earlier look; both favour it. Orderings"
+        f" of length that these seeds show: {shown}."
     )
 
 
