@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, lru_cache
+from pathlib import Path
 from typing import Any, Final
 
 import serial
@@ -17,6 +18,7 @@ from macor_hil.errors import (
     RobotResetError,
     SilenceError,
 )
+from macor_hil.left_behind import left_behind
 from protocol.commands import COMMANDS
 from protocol.errors import ReplyError
 from protocol.framing import LINE_END
@@ -55,7 +57,7 @@ def open_port(url: str, baud: int = 9600) -> Any:
         baud: rate in bits a second.
 
     Raises:
-        LinkError: there is no such port, it is in use, or its URL is wrong.
+        LinkError: there is no such port, it is in use, its URL is wrong, or its emulator has gone.
     """
     if url.startswith("khepera://"):
         try:
@@ -64,6 +66,8 @@ def open_port(url: str, baud: int = 9600) -> Any:
             raise LinkError(
                 f"{url} needs the emulator, which is not installed; install the extra 'emulator'"
             ) from None
+    if left_behind(Path(url)):
+        raise LinkError(f"the emulator behind the link {url} has gone; start it again")
     options: dict[str, Any] = {} if "://" in url else {"exclusive": True}
     if not url.startswith("rfc2217://"):  # which has a limit of its own
         options["write_timeout"] = _WRITE_LIMIT

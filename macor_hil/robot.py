@@ -8,7 +8,6 @@ once. `recover` gets a robot back that was unplugged, switched off or reset.
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import count
 from typing import Any, Final, Self
 
 from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
@@ -73,6 +72,7 @@ class Khepera:
         self.meter = Meter()
         self._reopen = reopen
         self._broken = False
+        self._failures = 0  # to get it back, in a row
         self._settings: dict[str, tuple[int, ...]] = {}
         self._counters: tuple[int, int] | None = None
 
@@ -131,17 +131,20 @@ class Khepera:
             RobotError: it did not come back.
         """
         deadline = self.clock() + patience
-        for attempt in count(1):
+        while True:
             try:
-                return self._revive()
+                reset = self._revive()
             except RobotError as error:
+                self._failures += 1
+                # a connection may be dead without anybody having said so
+                self._broken = isinstance(error, LinkError) or self._failures % _ATTEMPTS == 0
                 if self.clock() >= deadline:
                     raise
                 _log.info("not back yet: %s", error)
-                # a connection may be dead without anybody having said so
-                self._broken = isinstance(error, LinkError) or attempt % _ATTEMPTS == 0
                 self._line.pause(_PAUSE)
-        raise AssertionError("unreachable")
+            else:
+                self._failures = 0
+                return reset
 
     def wait(self, seconds: float) -> None:
         """Let time pass on the port's clock."""

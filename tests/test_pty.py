@@ -459,8 +459,17 @@ class TestLink:
         path.symlink_to("/dev/pts/77")
         (tmp_path / "khepera.lock").touch()
         with Link(path) as link:
+            assert not path.is_symlink()  # terminal 77 may be anybody's by now
             link.point_to("/dev/pts/78")
             assert path.readlink() == Path("/dev/pts/78")
+
+    def test_is_taken_over_while_somebody_looks_who_holds_it(self, tmp_path, monkeypatch):
+        path = tmp_path / "khepera"
+        with (tmp_path / "khepera.lock").open("w") as looking:
+            fcntl.flock(looking, fcntl.LOCK_SH)
+            monkeypatch.setattr("time.sleep", lambda _: fcntl.flock(looking, fcntl.LOCK_UN))
+            with Link(path) as link:
+                link.point_to("/dev/pts/78")
 
     def test_has_one_holder_at_a_time(self, tmp_path):
         path = tmp_path / "khepera"

@@ -1,5 +1,8 @@
 """The Khepera client on ports that misbehave: every failure is one clear RobotError."""
 
+import fcntl
+import os
+
 import pytest
 import serial
 
@@ -313,6 +316,45 @@ def test_a_port_that_failed_is_opened_again_until_it_answers():
     assert dead.closed
     assert unplugged.closed
     assert robot.counters() == (1, 2)
+
+
+def test_a_silent_port_is_opened_again_however_short_the_patience():
+    silent, alive = ScriptedPort({b"D,0,0": b""}), ScriptedPort({b"H": b"h,1,2\r\n"})
+    robot = Khepera(silent, lambda: alive)
+    for _ in range(3):
+        with pytest.raises(SilenceError):
+            robot.recover(0.0)
+    assert not robot.recover(0.0)
+    assert robot.port is alive
+    assert silent.closed
+
+
+@pytest.fixture
+def link(tmp_path):
+    """A link to a terminal, with a lock beside it that nobody holds."""
+    master, slave = os.openpty()
+    path = tmp_path / "robot"
+    path.symlink_to(os.ttyname(slave))
+    (tmp_path / "robot.lock").touch()
+    yield path
+    os.close(slave)
+    os.close(master)
+
+
+def test_behind_the_link_of_an_emulator_that_has_gone_may_be_anybody(link):
+    with pytest.raises(LinkError, match=r"the emulator behind the link .*robot has gone"):
+        open_port(str(link))
+
+
+def test_a_link_whose_emulator_lives_is_opened(link):
+    with link.with_name("robot.lock").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        open_port(str(link)).close()
+
+
+def test_a_link_of_somebody_else_is_opened(link):
+    link.with_name("robot.lock").unlink()
+    open_port(str(link)).close()
 
 
 def test_a_robot_that_does_not_come_back_is_given_up_in_time():

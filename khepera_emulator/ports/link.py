@@ -2,13 +2,19 @@
 
 import fcntl
 import os
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
 from khepera_emulator.errors import EmulatorError
+from protocol.terminal_link import lock_beside
 
 _TERMINALS = Path("/dev/pts")
+
+_LOOKS = 5
+_PAUSE = 0.01
+"""Seconds between two looks at a lock: a client holds it for a moment to see who lives."""
 
 
 class Link:
@@ -27,11 +33,14 @@ class Link:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._target: str | None = None
-        self._lock_path = path.with_name(path.name + ".lock")
+        self._lock_path = lock_beside(path)
         self._check_free()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._lock = self._take_lock()
+            # what its last holder left behind may lead to somebody else's terminal by now
+            if path.is_symlink():
+                path.unlink()
         except OSError as error:
             raise EmulatorError(
                 f"cannot make the link {path}: {error.filename}: {error.strerror}"
@@ -75,12 +84,17 @@ class Link:
             raise EmulatorError(f"{path} exists and is not a link; give another --link")
 
     def _take_lock(self) -> int:
+        looks = _LOOKS
         while True:
             lock = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 os.close(lock)
+                looks -= 1
+                if looks > 0:
+                    time.sleep(_PAUSE)
+                    continue
                 raise EmulatorError(
                     f"the link {self.path} is held by an emulator that is running;"
                     " end that one, or give another --link"
