@@ -8,7 +8,7 @@ import pytest
 from planning import square
 
 from macor_hil.brain import Settings
-from macor_hil.drive import LEFT, RIGHT, STRAIGHT
+from macor_hil.drive import COMMANDS, STRAIGHT
 from macor_hil.experiments import goals
 from macor_hil.experiments.beyond import BEYOND
 from macor_hil.experiments.blocks import Table
@@ -18,7 +18,7 @@ from macor_hil.experiments.goals import GOALS
 from macor_hil.experiments.learning import ANTICIPATIVE, GRADED, SYSTEMS, learn_all
 from macor_hil.experiments.recording import Drive, Recordings
 from macor_hil.experiments.runner import reproduce
-from macor_hil.experiments.systems import Course, SidedReinforcement
+from macor_hil.experiments.systems import Course
 
 DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
 COURSE = Course(trials=1, commands=2)
@@ -68,10 +68,10 @@ def test_a_changed_goal_is_learned_from_the_change_on(recordings: Recordings) ->
     np.testing.assert_array_equal(square(same.mind.map, "w_r"), square(system.mind.map, "w_r"))
     np.testing.assert_array_equal(square(same.mind.map, "w_c"), square(system.mind.map, "w_c"))
     changed = goals._changed(settings, system, recordings[1], 31)
-    # transitions by a turn to the left: they earn what they earn now
-    left = np.zeros_like(square(changed.mind.map, "w_r"), dtype=bool)
-    left[0::3] = True
-    seen = (square(changed.mind.map, "w_r") != square(system.mind.map, "w_r")) & left
+    # transitions by straight on: they earn what they earn now
+    straight = np.zeros_like(square(changed.mind.map, "w_r"), dtype=bool)
+    straight[COMMANDS.index(STRAIGHT) :: len(COMMANDS)] = True
+    seen = (square(changed.mind.map, "w_r") != square(system.mind.map, "w_r")) & straight
     assert seen.any()
     assert set(square(changed.mind.map, "w_r")[seen].round(6)) <= {0.1, 0.05}
     result = experiment.trial(settings, 1, recordings)
@@ -87,12 +87,6 @@ def test_a_system_is_well_again_at_nine_tenths_of_one_trained_for_it() -> None:
     assert goals.commands_needed(settings, result, GRADED) == 300
     after["300"][GRADED] = 8.0
     assert goals.commands_needed(settings, result, GRADED) is None
-
-
-def test_sided_reinforcement_knows_left_from_right() -> None:
-    earns = SidedReinforcement()
-    assert [earns(c, False) for c in (LEFT, RIGHT, STRAIGHT)] == [0.1, 0.54, 0.62]
-    assert earns(LEFT, True) == 0.0
 
 
 def test_an_experiment_may_take_fewer_seeds(tmp_path: Path) -> None:

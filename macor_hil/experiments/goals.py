@@ -1,7 +1,9 @@
 """Changing goals, the paper's outlook (section 4), which was never published.
 
-After training the reinforcement changes: a turn to the left, good until now, earns next to
-nothing. What the world does stays as it is, so that situations, competences and counts are kept;
+After training the reinforcement changes: turns earn as much as straight on did, and straight on
+next to nothing, so that the best way is a slalom. (A goal that the old way serves as well, such as
+"no turns to the left" where the corridor turns left, shows nothing: who learns it meets the wall.)
+What the world does stays as it is, so that situations, competences and counts are kept;
 evaluations are learned anew, each with its learning rate 1/z counted from the change. The
 experience after the change is the training drive once more, under the new reinforcement. How many
 commands of it does each system need until it earns as much as one that was trained for the new goal
@@ -34,7 +36,6 @@ from macor_hil.experiments.statistics import estimate, mean
 from macor_hil.experiments.systems import (
     Course,
     Mind,
-    SidedReinforcement,
     Track,
     learn_graded,
     learn_transitions,
@@ -42,6 +43,7 @@ from macor_hil.experiments.systems import (
 )
 from macor_hil.graded_map import GradedMap
 from macor_hil.memory import Memory
+from macor_hil.reinforcement import Reinforcement
 
 SHOWN: Final = (REACTIVE, ANTICIPATIVE, Q, EXPECTED, GRADED)
 _WELL: Final = 0.9
@@ -54,7 +56,7 @@ class Settings(Learning):
 
     drive: Drive = field(default_factory=Drive)
     """The training drive."""
-    goal: SidedReinforcement = field(default_factory=SidedReinforcement)
+    goal: Reinforcement = field(default_factory=lambda: Reinforcement(straight=0.1, turn=0.62))
     """What commands earn after the change."""
     looks: tuple[int, ...] = (0, 100, 300, 1_000, 3_000, 10_000)
     """Frames after the change at which trials are driven."""
@@ -162,9 +164,10 @@ def tell(settings: Settings, results: Results) -> list[Block]:
     head = ("system", *(f"after {n:,}" for n in settings.looks), "trained for it")
     return [
         Text(
-            f"{len(results)} training seeds. After the change a turn to the left earns"
-            f" {settings.goal.left:g}; straight on {settings.goal.straight:g}, a turn to the right"
-            f" {settings.goal.turn:g} and a collision {settings.goal.collision:g}, as before."
+            f"{len(results)} training seeds. After the change straight on earns"
+            f" {settings.goal.straight:g} (before: {settings.reinforcement.straight:g}), a turn"
+            f" {settings.goal.turn:g} ({settings.reinforcement.turn:g}) and a collision"
+            f" {settings.goal.collision:g} ({settings.reinforcement.collision:g})."
             f" {settings.course.trials} trials at each look."
         ),
         Table("Reinforcement per trial under the new goal, mean over seeds", head, tuple(rows)),

@@ -15,7 +15,7 @@ from macor_hil.brain import FIRST_COMMAND, Brain
 from macor_hil.clustering.clusterer import Clusterer
 from macor_hil.clustering.fuzzy_art import Resonance
 from macor_hil.clustering.membership import Array
-from macor_hil.drive import COMMANDS, MIRRORED, Driver, MotorCommand
+from macor_hil.drive import COMMANDS, MIRRORED, Driver
 from macor_hil.errors import BenchError
 from macor_hil.experiments.recording import PUT_DOWN, Recording
 from macor_hil.graded_map import GradedMap
@@ -30,19 +30,6 @@ from macor_hil.vision.receptive_fields import Features
 from protocol.side_channel import Outline, Pose, Reset
 
 Nodes = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True)
-class SidedReinforcement(Reinforcement):
-    """Reinforcement that tells a turn to the left from one to the right."""
-
-    left: float = 0.1
-
-    def __call__(self, command: MotorCommand, collided: bool) -> float:
-        """What a command earned."""
-        if command.turn > 0.0 and not collided:
-            return self.left
-        return Reinforcement.__call__(self, command, collided)
 
 
 class GradedSituations(Protocol):
