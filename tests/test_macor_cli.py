@@ -1,6 +1,7 @@
 """The command line of the controller, as processes: results, and errors of one sentence."""
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from emulator_process import emulator, free_endpoint
 from test_map_file import change_meta
 
 from macor_hil import cli
+from macor_hil.cli.driving import INTERRUPTED
 from macor_hil.map_file import VERSION
 from macor_hil.telemetry.feed import Arrival, Feed
 from macor_hil.telemetry.session import open_session
@@ -164,3 +166,22 @@ def test_a_watched_training_learns_the_same(trained: Path) -> None:
         )
     assert done.returncode == 0, done.stderr
     assert (trained.parent / "b.npz").read_bytes() == trained.read_bytes()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_a_library_makes_an_error_of_is_one_all_the_same(monkeypatch, number):
+    def import_something() -> None:
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt:
+            raise ValueError("an error of a library") from None
+
+    monkeypatch.setattr(cli, "app", import_something)
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    assert ended.value.code == INTERRUPTED

@@ -41,16 +41,24 @@ for _part in (learning, driving, measuring, watching, ros):
 
 def main() -> None:
     """Run the command line; errors are one sentence and exit status 2."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    interrupted = False
+
+    def interrupt(*_: object) -> None:
+        nonlocal interrupted
+        interrupted = True
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, interrupt)
     try:
         app()
     except MacorError as error:
         print(f"macor-hil: {error}", file=sys.stderr)  # noqa: T201
         sys.exit(_FAILED)
-    except KeyboardInterrupt:
+    except (Exception, KeyboardInterrupt) as error:
+        # a library that is being imported may have made an error of its own of the interrupt
+        if not (interrupted or isinstance(error, KeyboardInterrupt)):
+            raise
         print("macor-hil: interrupted", file=sys.stderr)  # noqa: T201
         sys.exit(driving.INTERRUPTED)
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
