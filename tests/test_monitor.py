@@ -23,6 +23,7 @@ from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.schemas import Ahead, Alternative, Link, Phase
 from macor_hil.telemetry.session import open_session
+from protocol.keys import CONTROLLER
 from protocol.side_channel import Truth
 
 PATIENCE = 10.0
@@ -207,6 +208,8 @@ def live_and_go(endpoint, watcher, commands):
     """A controller appears, drives some commands, and goes; the watcher must see all of it."""
     with open_session([], [endpoint]) as session, Publisher(session, "khepera") as publisher:
         wait_for(watcher, lambda: watcher.watched.controlled.alive)
+        # an answer to what a watcher asks at first may be newer than what is on its way to it
+        wait_for(watcher, lambda: watcher.feed.introduced(CONTROLLER))
         wait_until_watched(session, *KEYS)
         publisher.frame(a_frame())
         publisher.state(a_state(driven=commands), 0.0)
