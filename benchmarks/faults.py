@@ -42,7 +42,7 @@ def main() -> None:
 
 def rows(folder: Path) -> Iterator[tuple[str, ...]]:
     """One after the other, as they come."""
-    trained = train_shortly(folder / "map.npz", "khepera://open-box?seed=1&drift=none")
+    trained = train_shortly(folder / "map.npz")
     for fault in LINES:
         yield fault.name, *_tried(line_row, folder, trained, fault)
     with rig(folder) as bench:

@@ -67,9 +67,7 @@ def main() -> None:
     console = Console()
     options = [item for fault in _LINE for item in ("--fault", fault)]
     with TemporaryDirectory() as folder, rig(folder, "--speed", f"{_SPEED:g}", *options) as bench:
-        map_file = Path(folder) / "map.npz"
-        trained = train_shortly(map_file, "khepera://open-box?seed=1&drift=none")
-        text = Soak(bench, trained).run(console)
+        text = Soak(bench, train_shortly(Path(folder) / "map.npz")).run(console)
     console.print(text)
     if "--write" in sys.argv[1:]:
         write_part(DOCS / "safety.md", "soak", text)

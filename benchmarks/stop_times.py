@@ -37,7 +37,7 @@ def main() -> None:
     rng = np.random.default_rng(1)
     rows = []
     with TemporaryDirectory() as folder:
-        trained = train_shortly(Path(folder) / "map.npz", "khepera://open-box?seed=1&drift=none")
+        trained = train_shortly(Path(folder) / "map.npz")
         with rig(folder) as bench:
             for name, cause in CAUSES.items():
                 rounds = track(range(_TIMES), name, console=console, transient=True)

@@ -8,8 +8,10 @@ from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
 from macor_hil.training import Schedule
 
+OPEN_BOX = "khepera://open-box?seed=1&drift=none"
 
-def train_shortly(path: Path, port: str, *, tuning: int = 15, random: int = 60) -> Path:
+
+def train_shortly(path: Path, port: str = OPEN_BOX, *, tuning: int = 15, random: int = 60) -> Path:
     """Train on a robot in this process; returns the path of the map."""
     schedule = Schedule(tuning=tuning, random=random, reactive=0, session=random)
     with open_hardware(port) as hardware:

@@ -19,7 +19,7 @@ LIMIT = 0.5
 @pytest.fixture(scope="module")
 def map_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("maps") / "short.npz"
-    return train_shortly(path, "khepera://open-box?seed=1&drift=none")
+    return train_shortly(path)
 
 
 @pytest.fixture(scope="module")

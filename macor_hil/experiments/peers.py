@@ -7,6 +7,7 @@ whole drive besides. artlib is optional (the extra `peers`).
 """
 
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import version
 from time import process_time
 from typing import Final
@@ -29,16 +30,19 @@ from macor_hil.experiments.learning import (
 )
 from macor_hil.experiments.recording import Drive, Recording, Recordings
 from macor_hil.experiments.results import Result, Results
-from macor_hil.experiments.statistics import estimate, mean, order
+from macor_hil.experiments.statistics import Order, estimate, mean, order
 from macor_hil.experiments.systems import (
     Course,
     Mind,
     on_course,
     trial_as_json,
-    trial_from_json,
 )
-from macor_hil.experiments.table1 import reinforcement_a_step
-from macor_hil.trials import Trial
+from macor_hil.experiments.table1 import (
+    order_table,
+    per_seed,
+    reinforcement_a_step,
+    trials_of,
+)
 
 FALCON: Final = "TD-FALCON"
 OWN: Final = (REACTIVE, ANTICIPATIVE, Q, GRADED)
@@ -114,19 +118,9 @@ def _name(candidate: Parameters) -> str:
     return f"{FALCON}, {candidate}"
 
 
-def _trials(results: Results, name: str) -> list[list[Trial]]:
-    """Trials of a system, one list a seed."""
-    return [[trial_from_json(t) for t in result["trials"][name]] for result in results.values()]
-
-
 def _lengths(results: Results, name: str) -> list[float]:
     """Mean length of trials of every seed."""
-    return [float(np.mean([t.length for t in trials])) for trials in _trials(results, name)]
-
-
-def _totals(results: Results, name: str) -> list[float]:
-    """Mean reinforcement per trial of every seed."""
-    return [float(np.mean([t.total for t in trials])) for trials in _trials(results, name)]
+    return per_seed(results, name)["length"]
 
 
 def best(settings: Settings, results: Results) -> str:
@@ -148,7 +142,10 @@ def tell(settings: Settings, results: Results) -> list[Block]:
     return [
         Text(_scope(settings, results)),
         _table(settings, results),
-        _order_table(settings, results),
+        order_table(
+            f"Test of the ordering after {settings.first:,} commands",
+            partial(_orders, settings, results),
+        ),
         Text(_verdict(settings, results)),
         Picture("lengths", f"Every training seed; {best(settings, results)}."),
         Text(_FAIRNESS),
@@ -180,12 +177,12 @@ def _table(settings: Settings, results: Results) -> Table:
 
 
 def _row(results: Results, name: str, nodes: str) -> tuple[str, ...]:
-    trials = [one for seed in _trials(results, name) for one in seed]
+    trials = [one for seed in trials_of(results, name) for one in seed]
     return (
         name,
         nodes,
         str(estimate(_lengths(results, name), mean)),
-        str(estimate(_totals(results, name), mean)),
+        str(estimate(per_seed(results, name)["r"], mean)),
         f"{reinforcement_a_step(trials):.2f}",
         f"{100 * np.mean([t.collided for t in trials]):.0f} %",
     )
@@ -200,18 +197,14 @@ def _pairs(settings: Settings, results: Results) -> list[tuple[str, str]]:
     ]
 
 
-def _order_table(settings: Settings, results: Results) -> Table:
-    rows = []
-    for criterion, of in (("r per trial", _totals), ("length", _lengths)):
-        for a, b in _pairs(settings, results):
-            test = order(of(results, a), of(results, b))
-            counts = f"{test.wins} / {test.ties} / {test.seeds - test.wins - test.ties}"
-            said = "yes" if test.holds else "not shown"
-            names = f"{_short(a)} over {_short(b)}"
-            rows.append((names, criterion, str(test.difference), counts, f"{test.p:.4f}", said))
-    head = ("ordering", "criterion", "mean difference", "better / equal / worse", "p", "holds")
-    title = f"Test of the ordering after {settings.first:,} commands, paired by seed"
-    return Table(f"{title} (sign flips, one-sided)", head, tuple(rows))
+def _orders(settings: Settings, results: Results, criterion: str) -> dict[str, Order]:
+    """Tests of a criterion of `per_seed`, by what they claim."""
+    return {
+        f"{_short(a)} over {_short(b)}": order(
+            per_seed(results, a)[criterion], per_seed(results, b)[criterion]
+        )
+        for a, b in _pairs(settings, results)
+    }
 
 
 def _short(name: str) -> str:
@@ -220,11 +213,8 @@ def _short(name: str) -> str:
 
 def _verdict(settings: Settings, results: Results) -> str:
     chosen = best(settings, results)
-    held = [
-        f"{_short(a)} over {_short(b)}"
-        for a, b in _pairs(settings, results)
-        if order(_lengths(results, a), _lengths(results, b)).holds
-    ]
+    tests = _orders(settings, results, "length")
+    held = [claim for claim, test in tests.items() if test.holds]
     shown = "; ".join(held) if held else "none"
     return (
         f"Of {len(settings.candidates)} sets of parameters {chosen} drives longest:"

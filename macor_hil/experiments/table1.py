@@ -6,7 +6,9 @@ Q-learning has its own evaluations (equations 3 and 4). Beyond the paper: expect
 situations.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -145,7 +147,7 @@ def tell_table(settings: Settings, results: Results) -> list[Block]:
         Text(_scope(settings, results)),
         _paper_table(results),
         _seed_table(results),
-        _order_table(results),
+        order_table("Test of the ordering", partial(orders, results)),
         Text(_verdict(results)),
         Picture("lengths", "Every training seed: mean length of its trials."),
         _all_seeds(results),
@@ -218,16 +220,21 @@ def _seed_table(results: Results) -> Table:
     return Table("Interquartile mean over seeds (95 % bootstrap interval)", head, tuple(rows))
 
 
-def _order_table(results: Results) -> Table:
+def order_table(title: str, tests: Callable[[str], Mapping[str, Order]]) -> Table:
+    """Tests of orderings by reinforcement and by length.
+
+    Args:
+        title: what is tested.
+        tests: of a criterion of `per_seed`, by what they claim.
+    """
     rows = []
     for criterion, label in (("r", "r per trial"), ("length", "length")):
-        for name, test in orders(results, criterion).items():
+        for name, test in tests(criterion).items():
             said = "yes" if test.holds else "not shown"
             counts = f"{test.wins} / {test.ties} / {test.seeds - test.wins - test.ties}"
             rows.append((name, label, str(test.difference), counts, f"{test.p:.4f}", said))
     head = ("ordering", "criterion", "mean difference", "better / equal / worse", "p", "holds")
-    title = "Test of the ordering, paired by seed (sign flips, one-sided)"
-    return Table(title, head, tuple(rows))
+    return Table(f"{title}, paired by seed (sign flips, one-sided)", head, tuple(rows))
 
 
 def _verdict(results: Results) -> str:
