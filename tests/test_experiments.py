@@ -22,12 +22,13 @@ from macor_hil.clustering.neural_gas import Breadth
 from macor_hil.drive import COMMANDS, Driver
 from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue
+from macor_hil.experiments import recording as recording_module
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.figure3 import FIGURE3
 from macor_hil.experiments.figure4 import FIGURE4
-from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings
+from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings, record
 from macor_hil.experiments.results import ResultsFile, only_one
 from macor_hil.experiments.runner import COSTS, reproduce
 from macor_hil.experiments.sources import NO_PART, bare_code, digest
@@ -125,6 +126,30 @@ def test_a_recording_is_kept(recordings: Recordings, recording: Recording) -> No
     assert again.robot_seconds == recording.robot_seconds
     other = Recordings(recordings.folder.parent, replace(DRIVE, random=25))
     assert not other.has(1)
+
+
+def test_drives_with_a_common_beginning_are_those_driven_in_one_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = DRIVE.schedule(1).session
+    longer = replace(DRIVE, random=session + 8, reactive=0)
+    other = replace(DRIVE, random=session, reactive=8)
+    whole = {drive: record(drive, 1) for drive in (longer, other)}
+    monkeypatch.setattr(recording_module, "SHARED", session)
+    assert Recordings(tmp_path, longer).beginnings is not None
+    for drive, at_once in whole.items():
+        recordings = Recordings(tmp_path, drive)
+        pieced = recordings[1]
+        for name in ("raw", "commands", "collided"):
+            assert (getattr(pieced, name) == getattr(at_once, name)).all(), name
+        assert (pieced.brain.art.weights == at_once.brain.art.weights).all()
+        assert (pieced.brain.graded.led_to == at_once.brain.graded.led_to).all()
+        assert (square(pieced.brain.map, "z") == square(at_once.brain.map, "z")).all()
+        assert pieced.robot_seconds == pytest.approx(at_once.robot_seconds, abs=0.1)
+        # the beginning was driven once, for both
+        assert recordings.beginnings is not None
+        assert recordings.beginnings.folder == tmp_path / recordings.beginnings.key
+    assert len(list(tmp_path.iterdir())) == 3
 
 
 def test_reinforcement_follows_what_commands_earn(recording: Recording) -> None:

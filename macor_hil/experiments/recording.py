@@ -3,7 +3,8 @@
 Driving is what costs. A recording holds what came from the eyes (untuned features of every
 frame) and what went to the motors, over a whole training drive; every system of the seed learns
 from it afterwards. The drive is that of `macor_hil.training`: random commands, then, in section
-3.1, commands selected reactively by the map learned so far, that of Fuzzy ART.
+3.1, commands selected reactively by the map learned so far, that of Fuzzy ART. Both sections'
+drives begin with the same random commands, which are driven once for both.
 """
 
 import io
@@ -65,6 +66,15 @@ class Drive:
         """What is driven for a seed."""
         return Schedule(self.tuning, self.random, self.reactive, seed=seed)
 
+    @property
+    def beginning(self) -> "Drive | None":
+        """The drive that this one goes on from, which others go on from, too."""
+        shared = replace(self, random=SHARED, reactive=0)
+        return shared if shared != self and self.random >= SHARED else None
+
+
+SHARED: Final = 11_000
+"""Random commands that longer drives of a robot have in common: whole sessions."""
 
 SECTION_31: Final = Drive(random=11_000, reactive=2_000)
 """The drive of figures 2 to 4: "ca. 11000 randomly selected and about 2000 reactively selected"."""
@@ -116,8 +126,16 @@ class Recording:
         )
 
 
-def record(drive: Drive, seed: int) -> Recording:
+def record(drive: Drive, seed: int, beginning: Recording | None = None) -> Recording:
     """Drive a training over a `khepera://` port in virtual time and record it.
+
+    A session depends on nothing but its number and the brain it starts with, so that a drive that
+    goes on from a recorded beginning is the same as one driven in one go.
+
+    Args:
+        drive: what is driven.
+        seed: of robot and training.
+        beginning: the recording of the drive's beginning.
 
     Raises:
         RobotError, CameraError, BenchError: the hardware or the emulator fails.
@@ -125,18 +143,33 @@ def record(drive: Drive, seed: int) -> Recording:
     reel = _Reel()
     brain = _WatchedBrain(drive.brain, reel)
     schedule = drive.schedule(seed)
+    sessions = schedule.sessions()
+    if beginning is not None and drive.beginning is not None:
+        brain.go_on_from(beginning.brain)
+        sessions = sessions[len(drive.beginning.schedule(seed).sessions()) :]
     with open_hardware(drive.port(seed)) as hardware:
         driver = _WatchedDriver(hardware.robot, reel)
         trainer = Trainer(brain, driver, hardware.camera, hardware.bench, schedule)
-        for session in schedule.sessions():
+        for session in sessions:
             trainer.run(session, lambda _: None)
         seconds = hardware.robot.clock()
-    return Recording(
+    driven = Recording(
         brain,
         np.array(reel.raw),
         np.array(reel.commands, dtype=np.int64),
         np.array(reel.collided, dtype=np.bool_),
         round(seconds, 3),
+    )
+    return driven if beginning is None else _joined(beginning, driven)
+
+
+def _joined(beginning: Recording, rest: Recording) -> Recording:
+    return Recording(
+        rest.brain,
+        np.concatenate([beginning.raw, rest.raw]),
+        np.concatenate([beginning.commands, rest.commands]),
+        np.concatenate([beginning.collided, rest.collided]),
+        round(beginning.robot_seconds + rest.robot_seconds, 3),
     )
 
 
@@ -179,6 +212,11 @@ class _WatchedBrain(Brain):
         super().__init__(settings)
         self._reel = reel
 
+    def go_on_from(self, known: Brain) -> None:
+        """Take over what another brain has learned."""
+        self.fields, self.prototypes = known.fields, known.prototypes
+        self.art, self.map, self.graded = known.art, known.map, known.graded
+
     def recognise(self, raw: Features, *, learn: bool) -> Resonance:
         self._reel.add(raw)
         return super().recognise(raw, learn=learn)
@@ -197,6 +235,7 @@ class Recordings:
 
     def __init__(self, folder: Path, drive: Drive) -> None:
         self.drive = drive
+        self.beginnings = None if drive.beginning is None else Recordings(folder, drive.beginning)
         self.key = key_of(drive, digest([drive.arena], _NO_PART))
         self.folder = folder / self.key
 
@@ -207,7 +246,8 @@ class Recordings:
     def make(self, seed: int) -> None:
         """Record a seed's training drive if it is not there."""
         if not self.has(seed):
-            self._save(seed, record(self.drive, seed))
+            beginning = None if self.beginnings is None else self.beginnings[seed]
+            self._save(seed, record(self.drive, seed, beginning))
 
     def __getitem__(self, seed: int) -> Recording:
         """The recording of a seed, the same whether it was there or is made now."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from macor_hil.memory import Memory
 from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
+from macor_hil.planners.value_iteration import iterate
 from macor_hil.sensorimotor_map import Array, SensorimotorMap
 
 Mask = NDArray[np.bool_]
@@ -41,14 +42,14 @@ class Expected:
         chance, r = pooled_outcomes(transitions)
         tried: Mask = chance.sum(axis=2) > 0.0
         reward = (chance * r).sum(axis=2)
-        q = np.zeros_like(reward)
-        steps = 0
-        while steps < self._max_steps:
-            value = _best(q, tried)
-            before, q = q, reward + self._gamma * chance @ value
-            steps += 1
-            if np.abs(q - before).max() < self._settled:
-                break
+        q, steps = iterate(
+            chance,
+            reward,
+            tried,
+            gamma=self._gamma,
+            max_steps=self._max_steps,
+            settled=self._settled,
+        )
         node = start // transitions.commands
         evaluations = tuple(
             float(value) if known else None
@@ -62,12 +63,6 @@ class Expected:
         ]
         weighed = ranked(hypotheses, transitions.commands)
         return Plan(evaluations, command, weighed[0].neurons if weighed else (), steps, weighed)
-
-
-def _best(q: Array, tried: Mask) -> Array:
-    """Value of the best command of each situation, 0 where none was ever tried."""
-    best = np.where(tried, q, -np.inf).max(axis=1)
-    return np.where(np.isfinite(best), best, 0.0)
 
 
 def _likeliest(chance: Array, q: Array, tried: Mask, node: int, a: int) -> tuple[int, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 from macor_hil.graded_map import DOUBT, Array, GradedMap
 from macor_hil.memory import Memory
 from macor_hil.planners.planner import Hypothesis, Now, Plan, best_command, ranked
+from macor_hil.planners.value_iteration import iterate
 
 _LONGEST = 12
 """Situations of a hypothetical sequence at most."""
@@ -48,13 +49,14 @@ class Graded:
         """Evaluate the commands that can follow the present moment."""
         graded, b = memory.graded, now.memberships
         chance, reward = graded.outcomes(self._doubt)
-        q = np.zeros_like(reward)
-        steps = 0
-        while steps < self._max_steps:
-            before, q = q, reward + self._gamma * chance @ q.max(axis=1)
-            steps += 1
-            if np.abs(q - before).max() < self._settled:
-                break
+        q, steps = iterate(
+            chance,
+            reward,
+            np.ones_like(reward, dtype=bool),  # an untried command is worth its doubt
+            gamma=self._gamma,
+            max_steps=self._max_steps,
+            settled=self._settled,
+        )
         tried = b @ graded.tried > 0.0
         values = b @ q
         evaluations = tuple(
