@@ -1,5 +1,6 @@
 """What the tests of service, telemetry and monitor have in common."""
 
+import time
 from contextlib import contextmanager
 from queue import SimpleQueue
 
@@ -108,12 +109,23 @@ def ask(session, selector):
     return reply
 
 
+def ask_until(session, selector, holds):
+    """The only reply to a query, asked again until it holds what is on its way."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        sample = ask(session, selector).ok
+        if sample and holds(sample):
+            return sample
+        assert time.monotonic() < end, f"{selector}: {sample and sample.payload.to_string()}"
+
+
 __all__ = [
     "PATIENCE",
     "a_decision",
     "a_frame",
     "a_state",
     "ask",
+    "ask_until",
     "free_endpoint",
     "publishing",
     "receive",

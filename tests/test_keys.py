@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from controller_helpers import a_decision, ask, free_endpoint, publishing, watching
+from controller_helpers import a_decision, ask, ask_until, free_endpoint, publishing, watching
 from emulator_process import emulator
 from typer.testing import CliRunner
 
@@ -74,7 +74,7 @@ def test_the_encodings_of_the_table_are_those_of_the_samples():
     endpoint = free_endpoint()
     with publishing(endpoint) as (_, publisher), watching(endpoint) as (session,):
         publisher.decision(a_decision())
-        sample = ask(session, "macor/khepera/decision").ok
+        sample = ask_until(session, "macor/khepera/decision", bool)
     (encoding,) = next(key.encodings for key in KEYS if key.leaf == "decision")
     assert str(sample.encoding) == encoding
 

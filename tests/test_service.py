@@ -11,7 +11,7 @@ from queue import SimpleQueue
 
 import pytest
 import serial
-from controller_helpers import PATIENCE, ask, free_endpoint, receive, watching
+from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watching
 from emulator_process import emulator
 from short_training import train_shortly
 
@@ -193,16 +193,22 @@ def test_watchers_receive_every_decision_and_the_states_around_them(config):
     assert state.reason == "all commands driven"
 
 
+def latest(session, kind, holds):
+    def read(sample):
+        return kind.model_validate_json(sample.payload.to_bytes())
+
+    key = f"macor/khepera/{kind.__name__.lower()}"
+    return read(ask_until(session, key, lambda sample: holds(read(sample))))
+
+
 def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config):
     endpoint, heard = free_endpoint(), []
 
     def join(decision):
         if decision.sequence == 3:
             with watching(endpoint) as (session,):
-                sample = ask(session, "macor/khepera/decision").ok
-                heard.append(Decision.model_validate_json(sample.payload.to_bytes()))
-                sample = ask(session, "macor/khepera/state").ok
-                heard.append(State.model_validate_json(sample.payload.to_bytes()))
+                heard.append(latest(session, Decision, lambda decision: decision.sequence >= 3))
+                heard.append(latest(session, State, lambda state: state.driven >= 4))
             heard.append(decision)
 
     serve(replace(config, listen=(endpoint,)), join)

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from queue import SimpleQueue
 
@@ -13,10 +14,12 @@ import numpy as np
 import pytest
 import zenoh
 from controller_helpers import (
+    PATIENCE,
     a_decision,
     a_frame,
     a_state,
     ask,
+    ask_until,
     free_endpoint,
     publishing,
     receive,
@@ -103,13 +106,25 @@ def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint):
         publisher.decision(a_decision(1))
         publisher.state(a_state(Phase.STOPPED, reason="collision"), time=9.0)
         with watching(endpoint) as (session,):
-            decision = ask(session, DECISION).ok
+            decision = ask_until(session, DECISION, lambda sample: stamp(sample).sequence == 1)
             assert Decision.model_validate_json(decision.payload.to_bytes()) == a_decision(1)
             assert str(decision.encoding) == "application/json;macor.Decision"
             assert stamp(decision) == Stamp(sequence=1, time=2.5)
-            state = ask(session, STATE).ok
+            state = ask_until(session, STATE, stamp)
             assert State.model_validate_json(state.payload.to_bytes()).reason == "collision"
             assert stamp(state) == Stamp(sequence=0, time=9.0)
+
+
+def test_an_answer_does_not_overtake_what_is_on_its_way(endpoint, monkeypatch):
+    sent = threading.Event()
+    with publishing(endpoint) as (_, publisher), watching(endpoint) as (session,):
+        monkeypatch.setattr(publisher._frames, "put", lambda _: sent.wait(PATIENCE))
+        publisher.frame(a_frame())
+        publisher.decision(a_decision())
+        # the picture before it is not through yet
+        assert ask(session, DECISION).err
+        sent.set()
+        assert ask_until(session, DECISION, stamp)
 
 
 def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoint):
@@ -119,7 +134,7 @@ def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoin
     ):
         wait_until_watched(session, DECISION)
         publisher.decision(a_decision())
-        assert ask(watcher, DECISION).ok.timestamp == receive(samples).timestamp
+        assert ask_until(watcher, DECISION, stamp).timestamp == receive(samples).timestamp
 
 
 def test_a_query_before_the_first_decision_is_told_so(endpoint):

@@ -202,7 +202,7 @@ def _summary(results: list[Trial]) -> list[str]:
     ]
 
 
-@app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10 --workers 2[/cyan]")
+@app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10[/cyan]")
 def reproduce(
     name: Annotated[
         str,
@@ -212,7 +212,12 @@ def reproduce(
         ),
     ],
     seeds: Annotated[int, typer.Option(min=1, help="Training seeds: 1 to this number.")] = 30,
-    workers: Annotated[int, typer.Option(min=1, help="Processes to share the work.")] = 1,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Processes to share the work.", show_default="one for each processor"
+        ),
+    ] = None,
     cluster: Annotated[
         str | None,
         typer.Option(
@@ -240,7 +245,7 @@ def reproduce(
                 tasks[what] = bars.add_task(what, total=of)
             bars.update(tasks[what], completed=done)
 
-        page = runner.reproduce(chosen, seeds, workers, out, watch, cluster)
+        page = runner.reproduce(chosen, seeds, workers or runner.ALL, out, watch, cluster)
     typer.echo(str(page))
 
 

@@ -25,8 +25,8 @@ from macor_hil.experiments.sources import digest
 Watch = Callable[[str, int, int], None]
 """Hears what is being done, how many seeds of it are done, and of how many."""
 
-_ALL: Final = -1
-"""As many workers as the engine has."""
+ALL: Final = -1
+"""As many workers as this machine has processors, or the cluster has workers."""
 
 _T = TypeVar("_T")
 
@@ -50,7 +50,7 @@ def reproduce(
     Args:
         experiments: what to run.
         seeds: training seeds.
-        workers: worker processes on this machine.
+        workers: worker processes on this machine, or ALL.
         out: folder for recordings, results and report.
         watch: hears of the progress.
         cluster: address of a dask scheduler, whose workers do the work instead; they share `out`.
@@ -63,7 +63,7 @@ def reproduce(
     """
     numbers = range(1, seeds + 1)
     if cluster is not None:
-        workers = _ALL
+        workers = ALL
     with only_one(out), engine(cluster):
         chapters = [
             Chapter(

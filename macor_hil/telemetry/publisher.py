@@ -157,13 +157,20 @@ class _JsonKey(Generic[_P]):
         stack.enter_context(session.declare_queryable(key, self._answer))
 
     def prepared(self, payload: _P, time: float) -> Callable[[], None]:
-        """What puts a payload on the key; who asks gets it from now on."""
+        """What puts a payload on the key; who asks gets it from then on."""
         text = payload.model_dump_json()
         stamp = Stamp(sequence=self._sequence, time=time).model_dump_json()
         timestamp = self._session.new_timestamp()
-        self._latest = text, stamp, timestamp
         self._sequence += 1
-        return lambda: self._publisher.put(text, attachment=stamp, timestamp=timestamp)
+
+        def put() -> None:
+            try:
+                self._publisher.put(text, attachment=stamp, timestamp=timestamp)
+            finally:
+                # not before: who joins would get an answer that overtakes what is on its way
+                self._latest = text, stamp, timestamp
+
+        return put
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:
