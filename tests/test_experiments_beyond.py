@@ -11,14 +11,14 @@ from macor_hil.brain import Settings
 from macor_hil.drive import COMMANDS, STRAIGHT
 from macor_hil.experiments import goals
 from macor_hil.experiments.beyond import BEYOND
-from macor_hil.experiments.blocks import Table
+from macor_hil.experiments.blocks import Table, Text
 from macor_hil.experiments.drift import DRIFT
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.goals import GOALS
 from macor_hil.experiments.learning import ANTICIPATIVE, GRADED, SYSTEMS, learn_all
 from macor_hil.experiments.recording import Drive, Recordings
 from macor_hil.experiments.runner import reproduce
-from macor_hil.experiments.systems import Course
+from macor_hil.experiments.systems import Course, trial_from_json
 
 DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
 COURSE = Course(trials=1, commands=2)
@@ -36,7 +36,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
 
 
 def test_the_ablation_drives_every_system_in_every_arena(recordings: Recordings) -> None:
-    courses = (COURSE, replace(COURSE, arena="s-curve"))
+    courses = (COURSE, replace(COURSE, arena="s-curve", commands=3))
     experiment = tiny(BEYOND, courses=courses)
     result = experiment.trial(experiment.settings, 1, recordings)
     assert list(result["trials"]) == ["corridor", "s-curve"]
@@ -44,7 +44,14 @@ def test_the_ablation_drives_every_system_in_every_arena(recordings: Recordings)
     assert experiment.draw(experiment.settings, {1: result})
     blocks = experiment.tell(experiment.settings, {1: result})
     table = next(block for block in blocks if isinstance(block, Table))
-    assert [row[0] for row in table.rows] == ["corridor", "s-curve"]
+    assert [row[0] for row in table.rows] == ["corridor, 2", "s-curve, 3"]
+    (verdict,) = (b.text for b in blocks if isinstance(b, Text) and "where they were" in b.text)
+    lengths = {
+        place: trial_from_json(trials[GRADED][0]).length
+        for place, trials in result["trials"].items()
+    }
+    assert f"drive {lengths['corridor']:.2f} of 2 commands" in verdict
+    assert f"at least {lengths['s-curve']:.2f} of 3 commands" in verdict
 
 
 def test_maps_are_driven_on_robots_with_other_drifts(recordings: Recordings) -> None:
