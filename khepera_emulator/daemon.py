@@ -233,7 +233,7 @@ class _Line:
                 continue
             limit = _LEFT_BEHIND + (_TAKE if chunk is chunks[-1] else 0)
             room = max(0, limit - uart.arriving())
-            fitting = chunk[:room] if len(chunk) > room else chunk
+            fitting = chunk if len(chunk) <= room else _whole_requests(chunk[:room])
             self.lost += len(chunk) - len(fitting)
             if log:
                 log.request(now, fitting)
@@ -279,3 +279,8 @@ class _Line:
             self._port.dropped,
             self.lost + self._emulator.uart.lost,
         )
+
+
+def _whole_requests(data: bytes) -> bytes:
+    """Bytes without the beginning of a request, which whoever comes next would go on with."""
+    return data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]

@@ -401,6 +401,7 @@ class TestLimits:
             with connect(running, write_timeout=PATIENCE) as client:
                 for _ in range(200):
                     client.write(b"B\n" * 100)  # each is answered with 13 bytes
+            running.wait_until_left()  # what is on its way within the kernel reaches anybody
             with connect(running) as client:
                 assert ask(client, b"H\n") == b"h,0,0\r\n"
             _, said = running.end()
@@ -443,6 +444,23 @@ class TestHangUp:
             look(set())
             line.hand_over()
             assert second.read(7) == b"h,0,0\r\n"
+        port.close()
+        emulated.close()
+
+    def test_no_half_request_of_one_client_is_left_to_the_next(self):
+        emulated = Emulator(Setup(load_arena("corridor"), baud=None))
+        port = PtyPort()
+        line = _Line(emulated, port, False, None, None)
+        with serial.Serial(port.url) as first:
+            first.write(b"\n" + b"B\n" * 3000)  # more than may wait, and cut in a request
+        with serial.Serial(port.url, timeout=PATIENCE) as second:
+            second.write(b"H\n")
+            line.look(set())
+            assert line.take(emulated.now)
+            assert line.lost > 0
+            emulated.advance(emulated.now + 1.0)
+            line.hand_over()
+            assert second.read_until(b"\n") == b"h,0,0\r\n"
         port.close()
         emulated.close()
 
