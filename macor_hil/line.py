@@ -134,6 +134,9 @@ class Line:
     def clear(self, data: bytes = b"") -> None:
         """Spoil a half-sent request, send bytes, and drop what comes until it is quiet.
 
+        A robot answers this. That is waited for as long as for a reply: what came later would pass
+        for the reply to the next request.
+
         Raises:
             LinkError: the port failed.
             GarbageError: what is on it never pauses.
@@ -182,13 +185,17 @@ class Line:
     def _drain(self, data: bytes) -> bytes:
         self.port.write(data)
         start = self.clock()
-        last = b""
-        while came := self.port.read_until(b"\n", LONGEST_REPLY):
-            last = bytes(came)
-            self.reset_seen = self.reset_seen or last.startswith(BANNER)
-            if self.clock() - start > _BABBLE:
-                return last
-        return b""
+        limit = wire_time(len(data), self._baud) + PATIENCE
+        last, awaited = b"", data.count(b"\n")
+        while self.clock() - start <= _BABBLE:
+            came = self.port.read_until(b"\n", LONGEST_REPLY)
+            if came:
+                last = bytes(came)
+                awaited -= last.endswith(b"\n")
+                self.reset_seen = self.reset_seen or last.startswith(BANNER)
+            elif awaited <= 0 or self.clock() - start >= limit:
+                return b""
+        return last
 
 
 def _failed(data: bytes, error: Exception) -> LinkError:

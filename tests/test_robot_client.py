@@ -7,7 +7,7 @@ import pytest
 import serial
 
 from macor_hil.errors import LinkError, RobotError, RobotResetError, SilenceError
-from macor_hil.line import LONGEST_REPLY, PATIENCE, longest_reply, open_port, time_limit
+from macor_hil.line import LONGEST_REPLY, PATIENCE, Line, longest_reply, open_port, time_limit
 from macor_hil.robot import Khepera
 from protocol.messages import build_request
 
@@ -85,6 +85,20 @@ class BabblingPort(ScriptedPort):
         return b"\xfe" * (size or 1)
 
 
+class LatePort(ScriptedPort):
+    """Says nothing before its time has come."""
+
+    def __init__(self, ready, replies=None):
+        super().__init__(replies)
+        self.ready = ready
+
+    def read_until(self, expected=b"\n", size=None):
+        if self.now < self.ready:
+            self.now += self.timeout
+            return b""
+        return super().read_until(expected, size)
+
+
 FAILURES = {
     "silence": (b"", ["nothing", "0.30 s", "robot on", "9600 baud"]),
     "half a line": (b"n,1,2,3", ["only b'n,1,2,3'"]),
@@ -110,6 +124,15 @@ def test_a_bad_reply_is_a_robot_error_that_says_what_was_sent_and_came(reply, wo
     for word in words:
         assert word in said
     assert "\n" not in said
+
+
+@pytest.mark.parametrize("late", [0.1, 0.2])
+def test_late_replies_to_what_clears_the_line_are_not_taken_for_others(late):
+    port = LatePort(late, {b"?": b"Command not found\r\n", b"N": PROXIMITY})
+    assert Khepera(port).proximity() == (1, 2, 3, 4, 5, 6, 7, 8)
+    port.ready = port.now + late
+    Line(port).clear(b"D,0,0\n")
+    assert port.pending == b""
 
 
 def test_a_port_that_fails_in_writing_is_a_robot_error():

@@ -401,7 +401,7 @@ try:
     report = serve(
         ServiceConfig(
             port, Path(map_file), baud=57600, commands=10_000, listen=(), connect=(connect,),
-            recovery=0.0,
+            recovery=0.0, camera_limit=0.0,
         ),
         lambda decision: print("step", flush=True),
     )
