@@ -23,6 +23,7 @@ from macor_hil.drive import COMMANDS, Driver
 from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue
 from macor_hil.experiments import recording as recording_module
+from macor_hil.experiments.blocks import Table
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.figure2 import FIGURE2
@@ -319,6 +320,11 @@ def test_figure2_measures_both_clusterers(recorded: Path) -> None:
     assert result["situations"] <= 4
     assert [len(result["errors"][name]["mean"]) for name in ("Fuzzy ART", "Neural Gas")] == [3, 3]
     assert Page(page.read_text()).pictures == ["figure2-errors.png"]
+    *_, found, _ = FIGURE2.tell(settings, {1: result})
+    assert isinstance(found, Table)
+    rate, *others = found.rows[0][1:5]
+    assert rate in ("0.3", "0.6")
+    assert others == ["0.05", "2.0", "0.1"]
 
 
 def test_figures_3_and_4_drive_with_both_clusterers(recorded: Path) -> None:

@@ -186,10 +186,9 @@ _SETTLED: Final = 0.01
 def _found(results: Results) -> Table:
     rows = []
     for seed, result in results.items():
-        (rate, rate_last), (radius, radius_last) = result["annealing"].values()
-        rows.append(
-            (str(seed), *map(str, (rate, rate_last, radius, radius_last, result["situations"])))
-        )
+        annealing = result["annealing"]
+        values = (*annealing["rate"], *annealing["radius"], result["situations"])
+        rows.append((str(seed), *map(str, values)))
     head = ("seed", "rate, first", "rate, last", "radius, first", "radius, last", "ART nodes")
     return Table("What the breadth search found", head, tuple(rows))
 
