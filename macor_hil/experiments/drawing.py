@@ -22,7 +22,8 @@ def draw_trials(trials: Mapping[str, tuple[Outline, Trial]]) -> Figure:
         above.set_title(f"{name}\n{trial.length} commands, {end}", fontsize=10)
         above.set_xlabel("x in m")
         below.bar(range(1, trial.length + 1), trial.reinforcement, width=0.8)
-        below.set(xlabel="command", ylim=(0.0, 1.0), xlim=(0.0, MAX_COMMANDS + 1.0))
+        most = max(MAX_COMMANDS, trial.length)
+        below.set(xlabel="command", ylim=(0.0, 1.0), xlim=(0.0, most + 1.0))
         if column == 0:
             above.set_ylabel("y in m")
             below.set_ylabel("reinforcement")
@@ -47,6 +48,7 @@ def draw_seeds(
     axes.set_xticks(range(len(values)), list(values))
     axes.set_ylabel(label)
     axes.set_xlim(-0.6, len(values) - 0.4)
+    axes.set_ylim(bottom=0.0)
     axes.plot([], [], "o", color="tab:blue", alpha=0.4, label="a training seed")
     axes.plot([], [], "s", color="black", label="interquartile mean, 95 %")
     if paper:

@@ -23,6 +23,8 @@ from macor_hil.experiments.systems import Course, on_course, trial_as_json, tria
 
 SHOWN: Final = (ANTICIPATIVE, GRADED)
 
+_PICTURES: Final = {ANTICIPATIVE: "anticipative", GRADED: "graded"}
+
 _OTHER: Final = 1000
 """Added to a training's seed for the robot that its map is driven on: never the same robot."""
 
@@ -74,18 +76,24 @@ def _lengths(results: Results, trained: str, driven: str, name: str) -> list[flo
 
 
 def draw(settings: Settings, results: Results) -> dict[str, Figure]:
-    """Every seed on the robots that are driven."""
+    """Every seed on the robots that are driven, a picture for each system."""
     return {
-        "lengths": draw_seeds(
+        picture: draw_seeds(
             {
-                f"trained: {trained}\ndriven: {driven}": _lengths(results, trained, driven, GRADED)
+                _below(trained, driven): _lengths(results, trained, driven, name)
                 for driven in settings.driven
                 for trained in settings.trained
             },
-            f"commands in a trial, {GRADED}",
+            f"commands in a trial, {name}",
             {},
         )
+        for name, picture in _PICTURES.items()
     }
+
+
+def _below(trained: str, driven: str) -> str:
+    """What stands below a column of the picture, in lines that leave room for its neighbours."""
+    return f"trained: {trained}\ndriven: {driven}".replace(",", ",\n")
 
 
 def tell(settings: Settings, results: Results) -> list[Block]:
@@ -109,7 +117,7 @@ def tell(settings: Settings, results: Results) -> list[Block]:
         ),
         Table("Length of trials, mean over seeds (95 % bootstrap interval)", head, rows),
         Text(_verdict(settings, results)),
-        Picture("lengths", "Every training seed."),
+        *(Picture(picture, f"Every training seed, {name}.") for name, picture in _PICTURES.items()),
     ]
 
 
