@@ -20,7 +20,8 @@ run: $(READY)
 	$(BIN)/macor-hil demo
 
 test: lint
-	$(BIN)/python -m pytest -n 4
+	$(BIN)/python -m pytest -n 4 -m "not wall_clock"
+	$(BIN)/python -m pytest -n 2 -m wall_clock
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -12,6 +12,8 @@ from short_training import train_shortly
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import ask_to_stop
 
+pytestmark = pytest.mark.wall_clock
+
 LIMIT = 0.5
 """Seconds; what the controller promises."""
 

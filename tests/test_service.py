@@ -401,7 +401,7 @@ try:
     report = serve(
         ServiceConfig(
             port, Path(map_file), baud=57600, commands=10_000, listen=(), connect=(connect,),
-            recovery=0.0, camera_limit=0.0,
+            recovery=0.0,
         ),
         lambda decision: print("step", flush=True),
     )
@@ -443,6 +443,7 @@ def live(map_file):
             driving.controller.communicate()
 
 
+@pytest.mark.wall_clock
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_real_controller_stops_a_real_line_at_a_signal(live, number):
     live.wait_for_a_step()
@@ -463,6 +464,7 @@ def test_a_real_controller_stops_a_real_line_at_a_signal(live, number):
     assert right.speed_mode
 
 
+@pytest.mark.wall_clock
 def test_a_real_emulator_that_dies_is_a_clear_error(live):
     live.wait_for_a_step()
     live.running.end(signal.SIGKILL)

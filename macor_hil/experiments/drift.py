@@ -21,9 +21,8 @@ from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, mean, order
 from macor_hil.experiments.systems import Course, on_course, trial_as_json, trial_from_json
 
-SHOWN: Final = (ANTICIPATIVE, GRADED)
-
-_PICTURES: Final = {ANTICIPATIVE: "anticipative", GRADED: "graded"}
+SHOWN: Final = {ANTICIPATIVE: "anticipative", GRADED: "graded"}
+"""Systems that are driven, each with the name of its picture."""
 
 _OTHER: Final = 1000
 """Added to a training's seed for the robot that its map is driven on: never the same robot."""
@@ -87,7 +86,7 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
             f"commands in a trial, {name}",
             {},
         )
-        for name, picture in _PICTURES.items()
+        for name, picture in SHOWN.items()
     }
 
 
@@ -117,7 +116,7 @@ def tell(settings: Settings, results: Results) -> list[Block]:
         ),
         Table("Length of trials, mean over seeds (95 % bootstrap interval)", head, rows),
         Text(_verdict(settings, results)),
-        *(Picture(picture, f"Every training seed, {name}.") for name, picture in _PICTURES.items()),
+        *(Picture(picture, f"Every training seed, {name}.") for name, picture in SHOWN.items()),
     ]
 
 
