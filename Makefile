@@ -20,7 +20,7 @@ run: $(READY)
 	$(BIN)/macor-hil demo
 
 test: lint
-	$(BIN)/python -m pytest -n 4 -m "not wall_clock"
+	$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock"
 	$(BIN)/python -m pytest -n 2 -m wall_clock
 
 lint: $(READY)

@@ -181,12 +181,10 @@ class TestClients:
 
             monkeypatch.setattr(port._terminal, "events", take_late)
             os.write(first, b"E\n")
-            assert port.receive(MUCH) == [b"E\n"]
-            port.descriptors(room=True)
+            assert port.receive(MUCH) == [b"E\n" + late]
         with client(port) as second:
-            os.write(second, b"B\n" if late else b"B\nK\n")
-            expected = [b"O\n", b"", b"B\n"] if late else [b"", b"B\nK\n"]
-            assert received(port) == expected
+            os.write(second, b"B\nK\n")
+            assert received(port) == [b"", b"B\nK\n"]
 
     def test_that_come_or_leave_are_known_before_anybody_writes_to_them(self, port):
         with client(port) as first:
@@ -307,10 +305,21 @@ class TestClientsThatComeJustThen:
             port._terminal, "read", lambda limit: late.pop() if late else read(limit)
         )
         os.write(first, b"O\n")
-        assert port.receive(MUCH) == []
+        assert port.receive(MUCH) == [b"O\n"]
         os.close(first)
         second()
-        assert port.receive(MUCH) == [b"O\n", b"", b"B\n"]
+        assert port.receive(MUCH) == [b"", b"B\n"]
+        assert self.is_answered(port, second())
+
+    def test_when_something_is_being_said_to_the_last_one(self, port, first, second, monkeypatch):
+        def leave_and_come():
+            os.close(first)
+            second()
+
+        self.before(monkeypatch, port._terminal, "write", leave_and_come)
+        port.write(b"n\r\n")
+        monkeypatch.undo()
+        assert port.receive(MUCH) == [b"", b"B\n"]
         assert self.is_answered(port, second())
 
     def test_when_the_last_one_is_found_to_have_left(self, port, first, second, monkeypatch):
@@ -325,6 +334,32 @@ class TestClientsThatComeJustThen:
         self.before(monkeypatch, port._terminal, "hold", second)
         assert port.receive(MUCH) == [b""]
         assert port.receive(MUCH) == [b"B\n"]
+        assert self.is_answered(port, second())
+
+    @pytest.mark.parametrize("step", ["hold", "open"])
+    def test_when_another_has_been_there_in_between(self, port, first, second, monkeypatch, step):
+        os.close(first)
+        others = [b"O\n"]
+
+        def come_one_by_one():
+            if others:
+                with client(port) as another:
+                    os.write(another, others.pop())
+                second()
+
+        opening = os.open
+
+        def open_late(name, *flags):
+            monkeypatch.setattr(os, "open", opening)
+            come_one_by_one()
+            return opening(name, *flags)
+
+        if step == "hold":
+            self.before(monkeypatch, port._terminal, "hold", come_one_by_one)
+        else:
+            monkeypatch.setattr(os, "open", open_late)
+        assert port.receive(MUCH) == [b""]
+        assert port.receive(MUCH) == [b"O\n", b"", b"B\n"]
         assert self.is_answered(port, second())
 
     def test_when_the_terminal_is_being_opened(self, port, first, second, monkeypatch):

@@ -73,7 +73,6 @@ class PtyPort:
         self._terminal = Terminal()
         self._clients = 0
         self._kept_back = False
-        self._doubt = False
 
     def close(self) -> None:
         """Hang up: clients get an error from now on."""
@@ -86,10 +85,6 @@ class PtyPort:
 
     def descriptors(self, *, room: bool) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave."""
-        if self._doubt:
-            self._doubt = False
-            # who has come since the last look has written it, rather than who was there before
-            self._kept_back = self._terminal.readable() and not self._terminal.changed()
         return self._terminal.descriptors(room=room)
 
     def settings(self) -> LineFormat | None:
@@ -160,29 +155,16 @@ class PtyPort:
         data = terminal.read(limit) if limit > 0 else b""
         # only now: whoever wrote this had opened the terminal before
         events = news = terminal.events()
-        if not terminal.held and COMINGS.isdisjoint(events):
-            # whose bytes these are is clear, and whether more have come can wait
-            return self._looked(data, events, limit)
         for _ in range(_LOOKS):
             # it may have been written since: otherwise a later client would pass for its writer
             if WRITTEN not in news or len(data) >= limit or not terminal.readable():
-                return self._looked(data, events, limit)
+                self._kept_back = len(data) >= limit
+                return data, events
             with suppress(EOFError):
                 data += terminal.read(limit - len(data))
             news = terminal.events()
-            events = events + news
+            events += news
         self._kept_back = True
-        return data, events
-
-    def _looked(
-        self, data: bytes, events: tuple[int, ...], limit: int
-    ) -> tuple[bytes, tuple[int, ...]]:
-        """Remember whether something that was written before may come later than this."""
-        written = WRITTEN in events
-        # an event may come a little before its bytes
-        self._kept_back = len(data) >= limit or (written and not data)
-        # if there were more bytes by then: `descriptors` is asked once all has been answered
-        self._doubt = written and not self._kept_back
         return data, events
 
     def _count(self, events: tuple[int, ...]) -> _Change | None:
@@ -275,6 +257,5 @@ class PtyPort:
         self._terminal.drop_unread()
         self._clients = 0
         events = self._terminal.events()
-        while any(event in _CLOSED for event in events):
-            events = events[1:]  # up to the last closing all was done by those who have left
-        self._terminal.put_back(events)
+        if OPENED in events:  # somebody has come since, and may have left again
+            self._terminal.put_back(events[events.index(OPENED) :])
