@@ -21,7 +21,7 @@ run: $(READY)
 
 test: lint
 	$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock"
-	$(BIN)/python -m pytest -n 2 -m wall_clock
+	$(BIN)/python -m pytest -n 3 -m wall_clock
 
 lint: $(READY)
 	$(BIN)/ruff check .
