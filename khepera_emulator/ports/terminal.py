@@ -239,8 +239,8 @@ class Terminal:
         try:
             yield
         finally:
-            after = [*self._watch.take()]
-            if event in after:
-                # the last of them: clients come in the moment before it, and then are told apart
-                del after[len(after) - 1 - after[::-1].index(event)]
-            self._early += (*before, *after)
+            after = [*reversed(self._watch.take())]
+            with suppress(ValueError):
+                # the last such event: clients may have come and left before it was our turn
+                after.remove(event)
+            self._early += (*before, *reversed(after))
