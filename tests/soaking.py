@@ -59,6 +59,9 @@ _STOP = b"\nD,0,0\nP,0,0\n"
 _STOPPED = re.compile(rb"\nd\r\np\r\n\Z")
 _VERSION = re.compile(rb"b,5\.01,5\.00\r\n\Z")
 _MUCH = 1 << 14
+_SILENCE = 0.2
+"""Seconds without a byte after which all is said."""
+
 _TAIL = 64
 """Bytes of what was said that are kept to see how it ends."""
 
@@ -185,6 +188,11 @@ class Line:
                 raise AssertionError(f"the robot does not answer after {said!r}")
             said = said[-_TAIL:] + os.read(self.descriptor, _MUCH)
 
+    def read_all(self) -> None:
+        """Read on until nothing more is said."""
+        while select.select([self.descriptor], [], [], _SILENCE)[0]:
+            os.read(self.descriptor, _MUCH)
+
 
 def answers(port: Any) -> float:
     """Ask good requests; returns the seconds until the first one's own reply was there."""
@@ -211,8 +219,9 @@ def take_fuzz(place: Place, size: int, seed: int = 0) -> Fuzzed:
         _send(line, rng, size // 10)
         before = place.use()
         _send(line, rng, size - size // 10)
-        # all is taken when this is answered
-        line.read(_STOPPED, line.write(_STOP))
+        # what is not read in time is lost, as on a serial port: nothing may crowd out the reply
+        line.read_all()
+        line.read(_STOPPED, b"\n" + line.write(_STOP))
         after = place.use()
         began = time.perf_counter()
         line.write(b"B\n")
