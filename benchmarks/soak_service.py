@@ -103,7 +103,8 @@ class Soak:
                 uses[name].append(use_of(pid))
             if lived - told > _HOUR / 12:
                 told = lived
-                console.print(f"{lived:.0f} s: {controller.steps()} decisions, {self._ends}")
+                ended = self._ends.total()
+                console.print(f"{lived:.0f} s: {controller.steps()} decisions, {ended} runs ended")
         os.kill(controller.process.pid, signal.SIGTERM)
         controller.end()
         self._take_in()
