@@ -1,5 +1,6 @@
 """Cameras by one string, and pictures that must not be acted upon."""
 
+import sys
 import threading
 import time
 from queue import SimpleQueue
@@ -287,6 +288,43 @@ def test_the_watch_tells_of_a_camera_that_hangs():
         with pytest.raises(CameraLostError, match="while the robot drives"):
             drive_on(watch)
         hang.set()
+
+
+def interrupt_after(calls):
+    """Have a KeyboardInterrupt come after so many calls of C functions, as a signal may."""
+    left = calls
+
+    def profile(_frame, event, _argument):
+        nonlocal left
+        left -= event == "c_return"
+        if left == 0:
+            sys.setprofile(None)
+            raise KeyboardInterrupt
+
+    sys.setprofile(profile)
+
+
+def test_the_watch_ends_wherever_a_signal_comes():
+    interrupted = True
+    calls = 0
+    while interrupted:
+        calls += 1
+        watch = CameraWatch(Pictures(*[noise()] * 1000), limit=60.0)
+        watch.__enter__()
+        watch.guard()
+        try:
+            interrupt_after(calls)
+            watch.guard()
+            interrupted = False
+        except KeyboardInterrupt:
+            pass
+        finally:
+            sys.setprofile(None)
+        end = threading.Thread(target=watch.__exit__, daemon=True)
+        end.start()
+        end.join(PATIENCE)
+        assert not end.is_alive(), f"it hangs when a signal comes after call {calls}"
+    assert calls > 3
 
 
 def test_nothing_is_grabbed_while_nobody_drives():

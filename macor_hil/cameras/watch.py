@@ -6,6 +6,7 @@ throws them away; the driver asks `guard` between any two requests to the robot.
 
 import threading
 import time
+from queue import SimpleQueue
 from typing import Final, Self
 
 from macor_hil.cameras.camera import PATIENCE, Camera
@@ -34,7 +35,8 @@ class CameraWatch:
         self._limit = limit
         self._error: CameraError | None = None
         self._asked = self._begun = self._seen = float("-inf")
-        self._wake = threading.Event()
+        # no threading.Event: a Ctrl-C within its `set` leaves it locked, and the end would hang
+        self._wake: SimpleQueue[None] = SimpleQueue()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="camera watch", daemon=True)
 
@@ -45,7 +47,7 @@ class CameraWatch:
 
     def __exit__(self, *_: object) -> None:
         self._closing = True
-        self._wake.set()
+        self._wake.put(None)
         if self._thread.is_alive():
             self._thread.join(2 * PATIENCE)
 
@@ -61,7 +63,8 @@ class CameraWatch:
         if now - self._asked > _AWAKE:
             self._begun, self._error = now, None
         self._asked = now
-        self._wake.set()
+        if self._wake.empty():
+            self._wake.put(None)
         if self._error is not None:
             error, self._error = self._error, None
             raise error
@@ -76,8 +79,7 @@ class CameraWatch:
     def _run(self) -> None:
         while not self._closing:
             if time.monotonic() - self._asked > _AWAKE:
-                self._wake.clear()
-                self._wake.wait()
+                self._wake.get()
                 continue
             try:
                 self._camera.grab()
