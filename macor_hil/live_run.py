@@ -24,6 +24,7 @@ from macor_hil.odometry import integrate
 from macor_hil.planners.planner import Now, Plan, Planner
 from macor_hil.robot import Khepera
 from macor_hil.service_config import Ending, ServiceConfig
+from macor_hil.standstill import Standstill
 from macor_hil.telemetry.decisions import decision_of, learned_of, link_of
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
 from macor_hil.telemetry.schemas import Decision, Odometry, Phase, State
@@ -110,7 +111,11 @@ class LiveRun:
         rng = np.random.default_rng(self._config.seed)
         timed = _TimedPlanner(planner, self._thinking)
         self._tell_map(brain)
-        with CameraWatch(camera, self._config.camera_limit) as watch:
+        with (
+            CameraWatch(camera, self._config.camera_limit) as watch,
+            # the inner one: the end of the watch may wait for a picture
+            Standstill(hardware.robot, self._interruption),
+        ):
 
             def guard() -> None:
                 self._interruption.check()

@@ -23,7 +23,6 @@ from macor_hil.planners import PLANNERS
 from macor_hil.planners.planner import Planner
 from macor_hil.profile import load_profile
 from macor_hil.service_config import Ending, RunReport, ServiceConfig
-from macor_hil.standstill import Standstill
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey
@@ -53,16 +52,13 @@ def serve(config: ServiceConfig, on_step: OnStep | None = None) -> RunReport:
         LiveRun(config, drive, publisher, on_step, interruption) as run,
     ):
         try:
-            with (
-                open_hardware(
-                    config.port,
-                    config.camera,
-                    baud=config.baud,
-                    session=session,
-                    name=config.robot,
-                ) as hardware,
-                Standstill(hardware.robot, interruption),
-            ):
+            with open_hardware(
+                config.port,
+                config.camera,
+                baud=config.baud,
+                session=session,
+                name=config.robot,
+            ) as hardware:
                 run.ending = run.drive(hardware, brain, planner)
         except KeyboardInterrupt:
             run.ending = Ending.INTERRUPTED
