@@ -16,8 +16,10 @@ from emulator_process import emulator
 from short_training import train_shortly
 
 import macor_hil.hardware
+import macor_hil.live_run
 from macor_hil.bench import ZenohBench
 from macor_hil.brain import Brain, Settings
+from macor_hil.cameras.watch import CameraWatch
 from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
 from macor_hil.interruption import Interruption
 from macor_hil.map_file import save_map
@@ -75,13 +77,13 @@ class Tap:
         def tapped_close():
             if self.port.is_open:
                 self.port.emulator.advance(self.port.now + SETTLING)
-                self.speed = self._speed()
+                self.speed = self.speed_now()
             close()
 
         self.port.write, self.port.close = tapped_write, tapped_close
         return self.port
 
-    def _speed(self):
+    def speed_now(self):
         """Speed of the faster wheel, m/s."""
         return max(map(abs, self.port.emulator.truth().speed))
 
@@ -89,7 +91,7 @@ class Tap:
         """Do something once, while the robot is driving its arc of this number."""
 
         def meddle(data):
-            if data == b"N\n" and self.count(b"C") == arc and self._speed() > MOVING:
+            if data == b"N\n" and self.count(b"C") == arc and self.speed_now() > MOVING:
                 self.meddle = lambda _: None
                 act()
 
@@ -229,6 +231,20 @@ def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(config, tap, numb
     assert tap.count(b"C") == 2
     tap.assert_stopped()
     assert signal.getsignal(number) is before
+
+
+def test_the_robot_stands_before_a_last_picture_is_waited_for(config, tap, monkeypatch):
+    speeds = []
+
+    class Watch(CameraWatch):
+        def __exit__(self, *raised):
+            speeds.append(tap.speed_now())
+            super().__exit__(*raised)
+
+    monkeypatch.setattr(macor_hil.live_run, "CameraWatch", Watch)
+    tap.in_mid_drive(lambda: signal.raise_signal(signal.SIGTERM))
+    serve(config)
+    assert speeds[0] < 2 * STANDING  # its controllers settle when the stop is confirmed
 
 
 def test_a_keyboard_interrupt_from_elsewhere_stops_the_robot_too(config, tap):
