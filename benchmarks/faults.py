@@ -4,7 +4,6 @@ Everything is a process: emulator on a terminal, camera relay, router, controlle
 the emulator's own clock. The machine's other programs show in them.
 """
 
-import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,8 +31,6 @@ _HEAD = (
 
 def main() -> None:
     """Run all faults and print the table; `--write` puts it into docs/safety.md, too."""
-    # who is started in the background by a shell ignores Ctrl-C, and so would all programs here
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     console = Console()
     found: list[tuple[str, ...]] = []
     with TemporaryDirectory() as folder:

@@ -33,8 +33,6 @@ Cause = Callable[[Rig, Path, np.random.Generator], None]
 
 def main() -> None:
     """Measure and print; `--write` puts the table into docs/safety.md, too."""
-    # who is started in the background by a shell ignores Ctrl-C, and so would all programs here
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     console = Console()
     rng = np.random.default_rng(1)
     rows = []

@@ -4,6 +4,7 @@ The stop watch reads the emulator's own clock and speeds: what is measured is wh
 """
 
 import json
+import signal
 import subprocess
 import sys
 import threading
@@ -246,6 +247,8 @@ class Rig:
 
 @contextmanager
 def rig(folder, *options, **settings):
+    # who is started in the background by a shell ignores Ctrl-C, and so would all programs here
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     bench = Rig(folder, *options, **settings)
     try:
         yield bench
