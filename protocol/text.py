@@ -1,0 +1,51 @@
+"""Text from outside: made safe for a terminal, and read within bounds.
+
+Bytes of a serial line, names in a file and messages of a peer may hold escape sequences that move
+the cursor or change colours; documents may take all memory. Nothing is read from a file here.
+"""
+
+import tomllib
+from typing import Any, Final
+
+MAX_DOCUMENT: Final = 1_000_000
+"""Bytes of the longest TOML document that is parsed."""
+
+
+class DocumentError(ValueError):
+    """A document cannot be parsed; the message says why, without naming the document."""
+
+
+def printable(text: str | bytes, limit: int | None = None) -> str:
+    r"""Replace what a terminal would obey by escapes such as `\x1b`, and cut what is too long.
+
+    Args:
+        text: foreign text; bytes stand for the characters U+0000 to U+00FF.
+        limit: greatest number of characters; None: as many as there are.
+    """
+    if isinstance(text, bytes):
+        text = text.decode("latin-1")
+    if limit is not None and len(text) > limit:
+        text = text[:limit] + "…"
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text
+    )
+
+
+def parse_toml(data: bytes) -> dict[str, Any]:
+    """Parse a TOML document of bounded size.
+
+    Raises:
+        DocumentError: it is too long, nested too deeply, not UTF-8, or not TOML.
+    """
+    if len(data) > MAX_DOCUMENT:
+        raise DocumentError(f"it has {len(data):,} bytes, {MAX_DOCUMENT:,} at most are read")
+    try:
+        return tomllib.loads(data.decode())
+    except UnicodeDecodeError as error:
+        raise DocumentError(f"byte {error.start} is not UTF-8 text") from None
+    except RecursionError:
+        raise DocumentError("it is nested too deeply") from None
+    except ValueError as error:
+        # a number with more digits than Python converts is a plain ValueError with a long story
+        what = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "a number is too long"
+        raise DocumentError(printable(what, 300)) from None
