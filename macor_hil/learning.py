@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from macor_hil.brain import FIRST_COMMAND, Brain
+from macor_hil.cameras.decoding import decode_picture
 from macor_hil.drive import COMMANDS
-from macor_hil.errors import RecordingError
+from macor_hil.errors import RecordingError, WrongPictureError
 from macor_hil.telemetry.feed import Arrival, Event
 from macor_hil.telemetry.keys import DECISION, FRAME
 from macor_hil.telemetry.schemas import Decision
@@ -76,9 +76,11 @@ def _moments(brain: Brain, events: Sequence[Event]) -> Iterator[Moment]:
         if not isinstance(event, Arrival):
             continue
         if event.leaf == FRAME and event.stamp:
-            image = cv2.imdecode(np.frombuffer(event.data, np.uint8), cv2.IMREAD_COLOR)
-            if image is not None:
-                seen.append((event.stamp.time, brain.look(np.asarray(image, dtype=np.uint8))))
+            try:
+                image = decode_picture(event.data, "a recorded frame is no picture")
+            except WrongPictureError:
+                continue  # as one that did not arrive
+            seen.append((event.stamp.time, brain.look(image)))
         elif event.leaf == DECISION:
             decision = Decision.model_validate_json(event.data)
             # the frame after a command was taken before its decision is told

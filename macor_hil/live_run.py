@@ -1,10 +1,8 @@
 """One live run: drives by a map, counts, publishes, and gets over failures of robot and camera."""
 
 import logging
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
 from types import TracebackType
 from typing import Final, Self
 
@@ -19,6 +17,7 @@ from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.interruption import Interruption
+from macor_hil.late_bell import LateBell
 from macor_hil.memory import Memory
 from macor_hil.odometry import integrate
 from macor_hil.planners.planner import Now, Plan, Planner
@@ -109,16 +108,19 @@ class LiveRun:
             self._clock = hardware.robot.clock
         camera = CheckedCamera(hardware.camera, limits_for(brain.unwrap.mirror))
         rng = np.random.default_rng(self._config.seed)
-        timed = _TimedPlanner(planner, self._thinking)
         self._tell_map(brain)
         with (
             CameraWatch(camera, self._config.camera_limit) as watch,
-            # the inner one: the end of the watch may wait for a picture
+            self._bell() as bell,
+            # the inner one: the robot is stopped first
             Standstill(hardware.robot, self._interruption),
         ):
+            timed = _TimedPlanner(planner, bell, lambda: self._say(Phase.DRIVING))
 
             def guard() -> None:
                 self._interruption.check()
+                if self._publisher:
+                    self._publisher.check()
                 watch.guard()
 
             driver = Driver(hardware.robot, self._settings, guard)
@@ -183,28 +185,16 @@ class LiveRun:
             else:
                 return
 
-    @contextmanager
-    def _thinking(self) -> Iterator[None]:
-        """While the planner is at it: after a while, say so. The robot stands meanwhile."""
+    def _bell(self) -> LateBell:
+        """Rings when the planner has not decided for a while. The robot stands meanwhile."""
         limit = self._config.planner_limit
         reason = f"the planner has not decided for {limit:g} s; the robot stands"
-        late = threading.Event()
 
-        def tell() -> None:
-            late.set()
+        def ring() -> None:
             _log.warning(reason)
             self._say(Phase.LATE, reason)
 
-        timer = threading.Timer(limit, tell)
-        timer.daemon = True
-        timer.start()
-        try:
-            yield
-        finally:
-            timer.cancel()
-            if late.is_set():
-                timer.join()
-                self._say(Phase.DRIVING)
+        return LateBell(limit, ring)
 
     def _watched(self, camera: Camera) -> Camera:
         return WatchedCamera(camera, self._publisher.frame) if self._publisher else camera
@@ -254,15 +244,20 @@ class LiveRun:
 
 
 class _TimedPlanner:
-    """A planner that is watched while it plans."""
+    """A planner that is timed while it plans.
 
-    def __init__(
-        self, planner: Planner, watched: Callable[[], AbstractContextManager[None]]
-    ) -> None:
+    Args:
+        planner: who plans.
+        bell: rings when it takes long.
+        decided: called when it has decided after that.
+    """
+
+    def __init__(self, planner: Planner, bell: LateBell, decided: Callable[[], None]) -> None:
         self._planner = planner
-        self._watched = watched
+        self._bell = bell
+        self._decided = decided
 
     def plan(self, memory: Memory, now: Now) -> Plan:
         """What the planner makes of it."""
-        with self._watched():
+        with self._bell.timing(self._decided):
             return self._planner.plan(memory, now)

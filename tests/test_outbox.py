@@ -3,6 +3,8 @@
 import threading
 import time
 
+import pytest
+
 from macor_hil.errors import TelemetryError
 from macor_hil.telemetry.outbox import Outbox
 
@@ -38,3 +40,27 @@ def test_a_failure_is_logged_and_the_next_one_is_carried_out(caplog):
         outbox.carry_out(lambda: done.append(1))
     assert done == [1]
     assert "no picture" in caplog.text
+
+
+def test_a_defect_ends_it_and_is_heard(monkeypatch):
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    with Outbox() as outbox:
+        outbox.check()
+        outbox.carry_out(lambda: 1 / 0)
+        outbox._thread.join(30)
+        with pytest.raises(TelemetryError, match=r"can be told .* any more: .*ZeroDivisionError"):
+            outbox.check()
+        for _ in range(10):  # nothing gathers for nobody
+            outbox.carry_out(lambda: None)
+        assert outbox._actions.empty()
+
+
+def test_what_is_not_carried_out_in_time_is_dropped_and_counted(caplog):
+    go = threading.Event()
+    with Outbox() as outbox:
+        for _ in range(1000):
+            outbox.carry_out(lambda: go.wait(30))
+        assert outbox._actions.qsize() <= 300
+        go.set()
+    assert "samples are dropped" in caplog.text
+    assert "samples were not told" in caplog.text

@@ -15,7 +15,8 @@ from typing import Final, Self
 import zenoh
 from pydantic import ValidationError
 
-from macor_hil.errors import TelemetryError
+from macor_hil.cameras.decoding import check_picture
+from macor_hil.errors import TelemetryError, WrongPictureError
 from macor_hil.ros2 import messages
 from macor_hil.ros2.wire import LAST_DOMAIN, Node, Topic, attachment, gid, namespace_of
 from macor_hil.telemetry.keys import DECISION, FRAME
@@ -92,7 +93,13 @@ class Bridge:
         sample = self._samples.get()
         when = _nanoseconds(sample.timestamp)
         if str(sample.key_expr).endswith(f"/{FRAME}"):
-            self._image.put(messages.image(sample.payload.to_bytes(), when))
+            picture = sample.payload.to_bytes()
+            try:
+                check_picture(picture, "dropped a frame")
+            except WrongPictureError as error:
+                _log.warning("%s", error)
+            else:
+                self._image.put(messages.image(picture, when))
             return
         try:
             decision = Decision.model_validate_json(sample.payload.to_bytes())

@@ -61,6 +61,14 @@ class Publisher:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
+    def check(self) -> None:
+        """See that what is published goes out; for who drives.
+
+        Raises:
+            TelemetryError: the thread that sends it has ended.
+        """
+        self._outbox.check()
+
     def frame(self, frame: Frame) -> None:
         """Publish a mirror image as JPEG, if anyone listens."""
         self._outbox.carry_out(lambda: self._frames.put(frame))
@@ -125,7 +133,10 @@ class _FrameKey:
         status = cast(zenoh.MatchingStatus, self._publisher.matching_status)
         if not status.matching:
             return
-        done, data = cv2.imencode(".jpeg", frame.image)
+        try:
+            done, data = cv2.imencode(".jpeg", frame.image)
+        except cv2.error:
+            done = False
         if not done:
             raise TelemetryError(f"OpenCV cannot encode an image of shape {frame.image.shape}")
         self._publisher.put(
@@ -159,11 +170,12 @@ class _JsonKey(Generic[_P]):
     def prepared(self, payload: _P, time: float) -> Callable[[], None]:
         """What puts a payload on the key; who asks gets it from then on."""
         text = payload.model_dump_json()
-        stamp = Stamp(sequence=self._sequence, time=time).model_dump_json()
-        timestamp = self._session.new_timestamp()
-        self._sequence += 1
 
         def put() -> None:
+            # in the thread that puts: several threads prepare, and the stamps count what is put
+            stamp = Stamp(sequence=self._sequence, time=time).model_dump_json()
+            timestamp = self._session.new_timestamp()
+            self._sequence += 1
             try:
                 self._publisher.put(text, attachment=stamp, timestamp=timestamp)
             finally:

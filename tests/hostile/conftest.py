@@ -46,6 +46,13 @@ def pytest_configure(config):
     config.stash[HOSTILE] = Hostile()
 
 
+def pytest_collection_modifyitems(config, items):
+    """Give the long form all the time it takes."""
+    if config.stash[HOSTILE].long:
+        for item in items:
+            item.add_marker(pytest.mark.timeout(3600))
+
+
 @pytest.fixture(scope="session")
 def hostile(pytestconfig):
     return pytestconfig.stash[HOSTILE]

@@ -6,8 +6,8 @@ from math import cos, exp, pi, sin
 from typing import Final
 
 import cv2
-import numpy as np
 
+from macor_hil.cameras.decoding import check_picture, decode_picture
 from macor_hil.errors import CameraError
 from macor_hil.monitor.dashboard.svg import BEST, FAINT, drawing, element, heat, label, points, tip
 from macor_hil.monitor.watched import Watched
@@ -19,6 +19,8 @@ _SIZE: Final = PanoramaSize(columns=360, rows=80)
 _FIELD_ROWS: Final = 46
 _CURVE_STEP: Final = 6
 
+_COMPLAINT: Final = "a frame is no picture"
+
 _CAPTION: Final = 16
 _MARGIN: Final = 22
 """Room for names at the left."""
@@ -28,7 +30,7 @@ def mirror(watched: Watched) -> str:
     """The mirror image, straight ahead up, with the borders of the receptive fields."""
     learned = watched.controlled.learned
     eye = _mirror_of(learned.eye if learned else None)
-    shapes = [_picture(watched.frame, eye.width, eye.height)] if watched.frame else []
+    shapes = [_picture(watched.frame, eye.width, eye.height)] if _is_picture(watched.frame) else []
     shapes += [
         element(
             "circle",
@@ -142,18 +144,24 @@ def _seen(fields: Fields, features: list[float], top: float) -> list[str]:
     return shapes
 
 
+def _is_picture(frame: bytes) -> bool:
+    """Whether a browser may be given a frame, which it decodes whatever its size."""
+    try:
+        check_picture(frame, _COMPLAINT)
+    except CameraError:
+        return False
+    return True
+
+
 def _mirror_of(eye: Eye | None) -> Mirror:
     return Mirror(**eye.model_dump()) if eye else Mirror()
 
 
 def _unwrapped(frame: bytes, eye: Eye | None) -> bytes | None:
-    image = cv2.imdecode(np.frombuffer(frame, np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        return None
     try:
-        flat: Image = _unwrapper(_mirror_of(eye))(np.asarray(image, dtype=np.uint8))
+        flat: Image = _unwrapper(_mirror_of(eye))(decode_picture(frame, _COMPLAINT))
     except CameraError:
-        return None  # another camera than the one described
+        return None  # damaged, or of another camera than the one described
     return bytes(cv2.imencode(".jpg", flat)[1].tobytes())
 
 
