@@ -4,9 +4,14 @@ import json
 import os
 import signal
 import sys
+from contextlib import contextmanager
+from queue import SimpleQueue
 
+import cv2
+import numpy as np
 import pytest
-from rig import rig
+from emulator_process import PATIENCE
+from rig import RELAYED, rig
 from short_training import train_shortly
 
 from macor_hil.telemetry.session import open_session
@@ -68,6 +73,47 @@ def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, 
     bench.relay.mode = "pass"
     controller.wait_for_steps(2)
     assert interrupted(controller) > 0
+
+
+@contextmanager
+def a_stranger(bench, make_picture):
+    """A session that answers on the camera's key as well, and claims to be complete."""
+
+    def answer(query):
+        with query:
+            query.reply(RELAYED, make_picture())
+
+    ends = [bench.endpoint, bench.controller_endpoint]
+    with (
+        open_session([], ends) as session,
+        session.declare_queryable(RELAYED, answer, complete=True),
+    ):
+        yield session
+
+
+def noise():
+    image = np.random.default_rng().integers(0, 256, (160, 160, 3), dtype=np.uint8)
+    return cv2.imencode(".png", image)[1].tobytes()
+
+
+@pytest.mark.parametrize("make_picture", [lambda: b"flour", noise])
+def test_a_stranger_on_the_camera_s_key_neither_holds_nor_steers_the_robot(
+    bench, map_file, make_picture
+):
+    controller = drive(bench, map_file)
+    seen = SimpleQueue()
+    with open_session([], [bench.controller_endpoint]) as session:
+        session.declare_subscriber("macor/khepera/frame", seen.put)
+        asked = SimpleQueue()
+        with a_stranger(bench, lambda: asked.put(1) or make_picture()):
+            asked.get(timeout=PATIENCE)
+            while not seen.empty():
+                seen.get()
+            controller.wait_for_steps(3)
+    assert interrupted(controller) == 0
+    while not seen.empty():
+        frame = cv2.imdecode(np.frombuffer(seen.get().payload.to_bytes(), np.uint8), 1)
+        assert not frame[:8, :8].any()  # outside the mirror
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -168,6 +214,15 @@ def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(bench, m
     bench.restart_emulator()
     controller.wait_for_steps(3)
     assert interrupted(controller) > 0
+
+
+def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path):
+    """Its camera has another Zenoh id: a change that is told, and then followed."""
+    with rig(tmp_path, relay=False) as bench:
+        controller = drive(bench, map_file)
+        bench.restart_emulator()
+        controller.wait_for_steps(3)
+        assert interrupted(controller) > 0
 
 
 def test_a_robot_stops_while_its_router_is_gone_and_goes_on_when_it_is_back(map_file, tmp_path):

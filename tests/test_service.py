@@ -17,6 +17,7 @@ from short_training import train_shortly
 
 import macor_hil.hardware
 import macor_hil.live_run
+import macor_hil.telemetry.publisher
 from macor_hil.bench import ZenohBench
 from macor_hil.brain import Brain, Settings
 from macor_hil.cameras.watch import CameraWatch
@@ -25,6 +26,7 @@ from macor_hil.interruption import Interruption
 from macor_hil.map_file import save_map
 from macor_hil.robot import Khepera, open_port
 from macor_hil.service import Ending, ServiceConfig, serve
+from macor_hil.telemetry.outbox import Outbox
 from macor_hil.telemetry.schemas import Decision, Phase, State
 from macor_hil.telemetry.session import open_session
 
@@ -341,6 +343,25 @@ def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
         failed = next(state for state in states(said) if state.phase is Phase.FAILED)
     assert failed.reason == str(error)
     assert failed.driven == 2
+    tap.assert_stopped()
+
+
+def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(config, tap, monkeypatch):
+    """A defect where pictures are encoded, in mid-drive; the camera would never be missed."""
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    outboxes = []
+    monkeypatch.setattr(
+        macor_hil.telemetry.publisher, "Outbox", lambda: outboxes.append(Outbox()) or outboxes[-1]
+    )
+
+    def die():
+        outboxes[0].carry_out(lambda: 1 / 0)
+        outboxes[0]._thread.join(PATIENCE)
+
+    tap.in_mid_drive(die)
+    with pytest.raises(TelemetryError, match="division by zero"):
+        serve(replace(config, listen=(free_endpoint(),), commands=1000))
+    assert tap.count(b"C") == 2  # the stop comes within that command
     tap.assert_stopped()
 
 
