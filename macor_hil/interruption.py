@@ -1,9 +1,20 @@
 """Ctrl-C, SIGTERM and a closed terminal become one KeyboardInterrupt that can be held back."""
 
+import _thread
 import signal
 import threading
+import time
 from types import FrameType
 from typing import Final, Self
+
+_LOCKING: Final = ("threading", "queue")
+"""Modules written in Python whose locks an exception at any place may leave locked."""
+
+_AGAIN: Final = 0.02
+"""Seconds after which an exception that was not raised within them is tried again."""
+
+_TRIES: Final = 10
+"""Times that it is tried: whoever is there longer than that waits, and locks nothing."""
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -21,6 +32,7 @@ class Interruption:
     def __init__(self) -> None:
         self.name = ""
         self._held = False
+        self._tries = 0
         self._before: dict[signal.Signals, signal._HANDLER] = {}
 
     def __enter__(self) -> Self:
@@ -29,6 +41,7 @@ class Interruption:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._tries = 0
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
@@ -42,6 +55,7 @@ class Interruption:
         A KeyboardInterrupt that hits a destructor or a library's callback gets lost there.
         """
         if self.name:
+            self._tries = 0
             raise KeyboardInterrupt
 
     def hold(self) -> None:
@@ -52,8 +66,32 @@ class Interruption:
         """Let signals through again."""
         self._held = False
 
-    def _come(self, number: int, _: FrameType | None) -> None:
+    def _come(self, number: int, frame: FrameType | None) -> None:
         self.name = self.name or signal.Signals(number).name
-        if not self._held:
-            self._held = True
-            raise KeyboardInterrupt
+        if self._held:
+            return
+        if self._tries < _TRIES and _may_lock(frame):
+            self._tries += 1
+            # no Thread, whose beginning takes one of those locks
+            _thread.start_new_thread(self._come_again, (number,))
+            return
+        self._held, self._tries = True, 0
+        raise KeyboardInterrupt
+
+    def _come_again(self, number: int) -> None:
+        time.sleep(_AGAIN)
+        if self._tries:  # nobody has raised it meanwhile
+            # a signal again, which ends a wait, too
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
+
+
+def _may_lock(frame: FrameType | None) -> bool:
+    """Whether a frame is within a Condition, an Event or a Queue, such as those of pySerial.
+
+    What they lock between two lines of Python would stay locked, and the stop of the robot hang.
+    """
+    while frame is not None:
+        if frame.f_globals.get("__name__") in _LOCKING:
+            return True
+        frame = frame.f_back
+    return False

@@ -5,9 +5,10 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import suppress
 from dataclasses import replace
-from queue import SimpleQueue
+from queue import Queue, SimpleQueue
 
 import pytest
 import serial
@@ -288,6 +289,51 @@ def test_an_interruption_raises_once_and_then_holds_back_until_released():
         interruption.release()
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
+
+
+def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes():
+    """As pySerial's RFC 2217 client reads: the stop of the robot waits for the same queue."""
+    calls, came = 0, [True]
+    while came:
+        calls, came, raised = calls + 1, [], False
+        received = Queue()
+        received.put(b"x")
+        with Interruption():
+            try:
+                sys.setprofile(signal_after(calls, came))
+                received.get(timeout=1.0)
+                sys.setprofile(None)
+                end = time.monotonic() + PATIENCE
+                while came and time.monotonic() < end:
+                    pass
+            except KeyboardInterrupt:
+                raised = True
+            finally:
+                sys.setprofile(None)
+        assert raised is bool(came), f"after call {calls}"
+        assert received.mutex.acquire(timeout=1.0), f"locked by a signal after call {calls}"
+    assert calls > 3
+
+
+def signal_after(calls, came):
+    """A profile function that sends a signal after so many calls of C functions."""
+
+    def profile(_frame, event, _argument):
+        nonlocal calls
+        calls -= event == "c_return"
+        if calls == 0:
+            sys.setprofile(None)
+            came.append(1)
+            signal.raise_signal(signal.SIGINT)
+
+    return profile
+
+
+def test_a_wait_within_a_condition_is_interrupted_all_the_same():
+    with Interruption():
+        threading.Timer(0.05, os.kill, [os.getpid(), signal.SIGINT]).start()
+        with pytest.raises(KeyboardInterrupt):
+            threading.Event().wait(PATIENCE)
 
 
 def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(config, tap):
