@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 END_PATIENCE: Final = 0.1
-"""Seconds that who drives waits for a thread to end, before the stop of the robot or after it."""
+"""Seconds that is waited for a thread to end: no stop of a robot is later by more."""
 
 
 class HelperThread(threading.Thread):

@@ -6,6 +6,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
+import cv2
+import numpy as np
 import pytest
 import zenoh
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
@@ -13,7 +15,8 @@ from typer.testing import CliRunner
 from watching_helpers import a_life
 
 from macor_hil import cli
-from macor_hil.errors import TelemetryError
+from macor_hil.cameras import ZenohCamera
+from macor_hil.errors import CameraLostError, TelemetryError
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.recording import Recorder, read_recording
 from macor_hil.telemetry.session import open_session
@@ -107,6 +110,34 @@ def test_a_watcher_can_neither_publish_nor_stop(folder):
         assert not stops
         ask_to_stop(other, "khepera")
         assert stops
+
+
+def test_a_watcher_cannot_be_taken_for_the_camera(folder):
+    def picture_of(level):
+        image = np.zeros((16, 16, 3), np.uint8)
+        image[:8] = level
+        return cv2.imencode(".png", image)[1].tobytes()
+
+    def answering(session, level, asked):
+        def answer(query):
+            with query:
+                asked.append(1)
+                query.reply("khepera/khepera/camera", picture_of(level))
+
+        return session.declare_queryable("khepera/khepera/camera", answer, complete=True)
+
+    asked, stranger_asked = [], []
+    with (
+        sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher),
+        answering(watcher, 50, stranger_asked),
+    ):
+        camera = ZenohCamera(controller, "khepera/khepera/camera")
+        with pytest.raises(CameraLostError):
+            camera.grab()
+        with answering(emulator, 200, asked):
+            assert camera.grab().image.max() == 200
+    assert asked
+    assert not stranger_asked
 
 
 def macor_hil(*arguments):

@@ -23,8 +23,11 @@ from protocol.mirror import Mirror
 _STEP: Final = 4
 """Every fourth pixel tells whether a picture is dark."""
 
-_DARKEST, _BRIGHTEST = 1.0, 99.0
-"""Percentiles that stand for the darkest and the brightest part of a picture."""
+_HUNDREDTH: Final = 100
+"""Share of the pixels that stands for the darkest or the brightest part of a picture."""
+
+_BRIGHTEST: Final = 99.0
+"""Percentile of grey at its lower end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,10 +141,14 @@ def check_light(image: Image, limits: PictureLimits) -> None:
             f"the picture is dark: its brightest part has grey level {brightest:.0f} of 255,"
             f" {limits.dark:.0f} are needed; is the lens covered, or the light off?"
         )
-    seen = few.reshape(-1, 3) if limits.mirror is None else few[_ring(limits.mirror)]
-    if not len(seen):
+    seen = few.reshape(-1, 3)
+    if limits.mirror is not None:
+        seen = image.reshape(-1, 3).take(_in_the_mirror(limits.mirror), axis=0)
+    k = len(seen) // _HUNDREDTH
+    last = len(seen) - 1 - k
+    if last < k:
         return  # a mirror of a few pixels
-    low, high = np.percentile(seen, (_DARKEST, _BRIGHTEST), axis=0)
+    low, high = np.partition(seen, (k, last), axis=0)[[k, last]]
     if (high - low).max() < limits.flat:
         raise CameraFlatError(
             f"nothing can be seen in the picture: all of it has colours of about"
@@ -151,9 +158,10 @@ def check_light(image: Image, limits: PictureLimits) -> None:
 
 
 @lru_cache(maxsize=8)
-def _ring(mirror: Mirror) -> NDArray[np.bool_]:
-    """Which of the pixels looked at show what the mirror does, its blurred rims left out."""
+def _in_the_mirror(mirror: Mirror) -> NDArray[np.intp]:
+    """Indices of the pixels to look at: those of the mirror, without its blurred rims."""
     rim = (mirror.outer - mirror.inner) / 16
     y, x = np.mgrid[0 : mirror.height : _STEP, 0 : mirror.width : _STEP]
     radius = np.hypot(x - mirror.centre_x, y - mirror.centre_y)
-    return np.asarray((mirror.inner + rim < radius) & (radius < mirror.outer - rim))
+    inside = (mirror.inner + rim < radius) & (radius < mirror.outer - rim)
+    return np.asarray((y * mirror.width + x)[inside])

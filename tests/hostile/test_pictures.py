@@ -3,18 +3,23 @@
 import os
 import struct
 import zlib
+from queue import SimpleQueue
 
 import cv2
 import numpy as np
 import pytest
+from controller_helpers import PATIENCE, free_endpoint, wait_until_watched
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from macor_hil.cameras.decoding import MAX_BYTES, decode_picture, read_picture
 from macor_hil.cameras.files import ImagesCamera
+from macor_hil.cameras.on_zenoh import ZenohCamera
 from macor_hil.errors import CameraError, WrongPictureError
 from macor_hil.monitor.dashboard import eyes
 from macor_hil.monitor.watched import Watched
+from macor_hil.ros2.bridge import Bridge
+from macor_hil.telemetry.session import open_session
 
 
 def a_view(seed=0, side=48):
@@ -215,3 +220,63 @@ def test_the_dashboard_neither_draws_nor_passes_on_what_is_no_picture(hostile):
                 continue  # a browser finds out
             assert "data:image" not in drawing(watched)
         hostile.count("picture on the dashboard")
+
+
+STAMPS = [
+    b"",
+    b"now",
+    b"{}",
+    b'{"sequence": -1, "time": 0.0}',
+    b'{"sequence": 1, "time": 1e999}',
+    b'{"sequence": 1, "time": NaN}',
+    b'{"sequence": ' + b"9" * 5000 + b', "time": 0.0}',
+    b"[" * 100_000,
+    b"\xff\x1b[2J" * 10,
+]
+
+
+def test_a_camera_on_zenoh_is_refused_by_name_whatever_it_answers(hostile):
+    cut = [whole[:-3] for whole in WHOLE.values()]
+    pictures = [*BOMBS.values(), *(data for _, data in CHANNELS), *cut, b"", b"flour"]
+    answers = [(picture, None) for picture in pictures]
+    answers += [(WHOLE["PNG"], stamp) for stamp in STAMPS]
+    left = iter(answers)
+    endpoint = free_endpoint()
+
+    def answer(query):
+        with query:
+            payload, attachment = next(left)
+            query.reply("any/key", payload, attachment=attachment)
+
+    with (
+        open_session([endpoint], []) as source,
+        open_session([], [endpoint]) as session,
+        source.declare_queryable("any/key", answer),
+    ):
+        camera = ZenohCamera(session, "any/key")
+        for _ in answers:
+            with pytest.raises(WrongPictureError) as refused:
+                camera.grab()
+            assert str(refused.value).isprintable()
+            hostile.count("camera on Zenoh")
+
+
+def test_the_ros_bridge_forwards_no_picture_that_cannot_be_used(hostile, caplog):
+    endpoint = free_endpoint()
+    with (
+        open_session([endpoint], []) as source,
+        Bridge(source, "khepera") as bridge,
+        open_session([], [endpoint]) as watcher,
+    ):
+        forwarded = SimpleQueue()
+        watcher.declare_subscriber("0/khepera/image/**", forwarded.put)
+        wait_until_watched(source, "0/khepera/image/compressed/*/*")
+        bad = [*BOMBS.values(), *(whole[:-3] for whole in WHOLE.values())]
+        bad.remove(BOMBS["PNG with half its rows"])  # whole but for what it packs
+        for number, data in enumerate([*bad, WHOLE["JPEG"]]):
+            source.put("macor/khepera/frame", data)
+            bridge.forward()
+            assert caplog.text.count("dropped a frame") == min(number + 1, len(bad))
+        assert WHOLE["JPEG"] in forwarded.get(timeout=PATIENCE).payload.to_bytes()
+        assert forwarded.empty()
+        hostile.count("picture over ROS 2", len(bad))
