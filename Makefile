@@ -2,6 +2,7 @@
 #   make run    an emulated robot learns and drives the curve
 #   make test   style, types and tests
 #   make bench  speed, as ratios (ten minutes)
+#   make hostile  bad inputs at every edge, forty times as many as in make test (minutes)
 #   make soak   long use of the serial line (ten minutes)
 #   make soak-service     an hour of service under random faults, ten times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
@@ -13,7 +14,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint bench soak soak-service pyserial-suite faults stop-times lock clean
+.PHONY: run test lint hostile bench soak soak-service pyserial-suite faults stop-times lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -22,6 +23,9 @@ run: $(READY)
 test: lint
 	$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock"
 	$(BIN)/python -m pytest -n 3 -m wall_clock
+
+hostile: $(READY)
+	HOSTILE_LONG=1 $(BIN)/python -m pytest -n 4 --dist worksteal tests/hostile
 
 lint: $(READY)
 	$(BIN)/ruff check .

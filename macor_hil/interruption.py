@@ -23,7 +23,8 @@ class Interruption:
     """Raises KeyboardInterrupt wherever the main thread waits when the process is told to end.
 
     The first signal holds back all later ones, so that whoever was interrupted can put things
-    in order undisturbed, until `release`. Outside the main thread it does nothing.
+    in order undisturbed, until `release`. Outside the main thread it does nothing. A signal that
+    comes within a lock written in Python is raised right after it.
 
     Attributes:
         name: of the first signal that came, such as SIGTERM, or of who asked; empty before.
