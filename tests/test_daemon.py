@@ -237,7 +237,10 @@ class TestEnd:
     @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
     def test_signal_ends_it_cleanly(self, tmp_path, number):
         running = EmulatorProcess(*link_options(tmp_path))
-        assert [entry.name for entry in sorted(tmp_path.iterdir())] == ["khepera", "khepera.lock"]
+        assert [entry.name for entry in sorted(tmp_path.iterdir())] == [
+            ".khepera.khepera-emulator-lock",
+            "khepera",
+        ]
         assert running.end(number) == (0, "")
         assert list(tmp_path.iterdir()) == []
 

@@ -16,6 +16,7 @@ from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort
 from khepera_emulator.ports.watch import CLOSED_WRITABLE
+from protocol.terminal_link import LOCK_TEXT, lock_beside
 
 MUCH = 4096
 
@@ -492,15 +493,74 @@ class TestLink:
     def test_of_a_dead_emulator_is_taken_over(self, tmp_path):
         path = tmp_path / "khepera"
         path.symlink_to("/dev/pts/77")
-        (tmp_path / "khepera.lock").touch()
+        lock_beside(path).touch()
         with Link(path) as link:
             assert not path.is_symlink()  # terminal 77 may be anybody's by now
             link.point_to("/dev/pts/78")
             assert path.readlink() == Path("/dev/pts/78")
 
+    @pytest.mark.parametrize("name", ["Cargo.lock", "Cargo.{pid}", "Cargo"])
+    def test_takes_no_file_of_a_user_for_its_own(self, tmp_path, name):
+        mine = tmp_path / name.format(pid=os.getpid())
+        mine.write_text("precious")
+        link_path = tmp_path / ("Cargo" if mine.name != "Cargo" else "khepera")
+        with Link(link_path) as link:
+            link.point_to("/dev/pts/77")
+            link.point_to("/dev/pts/78")
+        assert [entry.name for entry in tmp_path.iterdir()] == [mine.name]
+        assert mine.read_text() == "precious"
+
+    def test_removes_no_lock_but_its_own(self, tmp_path):
+        path = tmp_path / "khepera"
+        with Link(path):
+            lock_beside(path).unlink()
+            lock_beside(path).write_text("precious")
+        assert lock_beside(path).read_text() == "precious"
+
+    @pytest.mark.parametrize("kind", ["file", "link", "folder", "pipe"])
+    def test_leaves_what_stands_where_its_lock_belongs(self, tmp_path, kind):
+        path = tmp_path / "khepera"
+        lock, mine = lock_beside(path), tmp_path / "mine"
+        mine.write_text("precious")
+        if kind == "file":
+            lock.write_text("precious")
+        elif kind == "link":
+            lock.symlink_to(mine)
+        elif kind == "folder":
+            lock.mkdir()
+        else:
+            os.mkfifo(lock)
+        before = lock.lstat()
+        with pytest.raises(EmulatorError, match="give another --link"):
+            Link(path)
+        assert os.path.samestat(lock.lstat(), before)
+        assert mine.read_text() == "precious"
+        assert not path.is_symlink()
+
+    def test_that_no_emulator_has_made_is_kept(self, tmp_path):
+        path = tmp_path / "khepera"
+        path.symlink_to("/dev/pts/77")
+        with pytest.raises(EmulatorError, match="that no emulator has made; give another --link"):
+            Link(path)
+        assert path.readlink() == Path("/dev/pts/77")
+        assert [entry.name for entry in tmp_path.iterdir()] == ["khepera"]
+
+    def test_says_in_its_lock_what_it_is(self, tmp_path):
+        path = tmp_path / "khepera"
+        with Link(path):
+            assert lock_beside(path).read_bytes() == LOCK_TEXT
+
+    @pytest.mark.parametrize("path", ["/", ".", "", "x" * 300, "x" * 250, "/proc/khepera"])
+    def test_that_cannot_be_is_refused_in_one_sentence(self, tmp_path, monkeypatch, path):
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(EmulatorError, match="give a path|give another --link") as refused:
+            Link(Path(path))
+        assert len(str(refused.value)) < 300
+        assert list(tmp_path.iterdir()) == []
+
     def test_is_taken_over_while_somebody_looks_who_holds_it(self, tmp_path, monkeypatch):
         path = tmp_path / "khepera"
-        with (tmp_path / "khepera.lock").open("w") as looking:
+        with lock_beside(path).open("w") as looking:
             fcntl.flock(looking, fcntl.LOCK_SH)
             monkeypatch.setattr("time.sleep", lambda _: fcntl.flock(looking, fcntl.LOCK_UN))
             with Link(path) as link:
