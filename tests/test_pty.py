@@ -553,7 +553,7 @@ class TestLink:
     @pytest.mark.parametrize("path", ["/", ".", "", "x" * 300, "x" * 250, "/proc/khepera"])
     def test_that_cannot_be_is_refused_in_one_sentence(self, tmp_path, monkeypatch, path):
         monkeypatch.chdir(tmp_path)
-        with pytest.raises(EmulatorError, match="give a path|give another --link") as refused:
+        with pytest.raises(EmulatorError, match=r"give a path|give another --link") as refused:
             Link(Path(path))
         assert len(str(refused.value)) < 300
         assert list(tmp_path.iterdir()) == []

@@ -371,7 +371,7 @@ def test_behind_the_link_of_an_emulator_that_has_gone_may_be_anybody(link):
 
 
 def test_behind_a_link_to_such_a_link_may_be_anybody(link, tmp_path):
-    (tmp_path / "mine").symlink_to("robot")
+    (tmp_path / "mine").symlink_to(link.name)
     with pytest.raises(LinkError, match=r"the emulator behind the link .*mine has gone"):
         open_port(str(tmp_path / "mine"))
 

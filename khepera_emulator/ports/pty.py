@@ -83,8 +83,9 @@ class PtyPort:
         """What a pySerial client opens: the terminal's path."""
         return self._terminal.path
 
-    def descriptors(self, *, room: bool) -> tuple[int, ...]:
+    def descriptors(self, *, room: bool, answered: bool = True) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave."""
+        del answered  # who has a terminal open can listen
         return self._terminal.descriptors(room=room)
 
     def settings(self) -> LineFormat | None:
@@ -94,11 +95,12 @@ class PtyPort:
         """
         return self._terminal.settings()
 
-    def receive(self, limit: int) -> list[bytes]:
+    def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
         """What clients have done since the last call, in order.
 
         Args:
             limit: bytes to take at most; the rest stays with the client.
+            answered: makes no difference here.
 
         Returns:
             Bytes that were written; an empty chunk says that the client has left.
@@ -106,6 +108,7 @@ class PtyPort:
         Raises:
             EmulatorError: a client has barred everybody else from the terminal for ever.
         """
+        del answered
         kept_back = self._kept_back
         try:
             data, events = self._look(limit)
