@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import serial
+from unprivileged import as_nobody
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
@@ -40,8 +41,8 @@ def client(port, flags=os.O_RDWR):
 def unread(terminal):
     data = b""
     with suppress(BlockingIOError):
-        while True:
-            data += os.read(terminal, 1 << 16)
+        while more := os.read(terminal, 1 << 16):
+            data += more
     return data
 
 
@@ -469,6 +470,129 @@ class TestSettings:
             termios.tcsendbreak(terminal, 0)
             os.write(terminal, b"B\n")
             assert port.receive(MUCH) == [b"B\n"]
+
+
+class TestWhatAClientLeaves:
+    """A terminal that is of no use to the next client is put right, or left for another one."""
+
+    @pytest.mark.parametrize(
+        ("before", "how"), [(b"", "TCOOFF"), (b"N\n", "TCOOFF"), (b"N\n", "XOFF")]
+    )
+    def test_stopped_output_does_not_block_the_next(self, port, before, how):
+        with client(port) as terminal:
+            os.write(terminal, before)
+            received(port)
+            stop_output(port, terminal, how)
+            with pytest.raises(BlockingIOError):
+                os.write(terminal, b"x")
+        received(port)
+        with client(port) as terminal:
+            os.write(terminal, b"B\n")
+            assert received(port) == [b"B\n"]
+
+    @pytest.mark.parametrize("how", ["TCOOFF", "XOFF"])
+    @pytest.mark.parametrize("reads", [False, True])
+    def test_stopped_output_does_not_block_one_that_has_come_already(self, port, how, reads):
+        with client(port) as first:
+            os.write(first, b"N\n")
+            assert received(port) == [b"N\n"]
+            stop_output(port, first, how)
+            port.write(b"n\r\n")
+        with client(port) as second:
+            if reads:
+                os.read(second, 1)
+            received(port)
+            os.write(second, b"B\n")
+            assert received(port)[-1] == b"B\n"
+
+    @pytest.mark.parametrize("rate", [38400, 31250])
+    def test_exclusive_use_makes_the_line_move(self, tmp_path, rate):
+        link_path = tmp_path / "khepera"
+
+        def check():
+            with Link(link_path) as link:
+                port = PtyPort(link.point_to)
+                link.point_to(port.url)
+                first = port.url
+                with serial.Serial(port.url, rate) as theirs:
+                    theirs.write(b"N\n")
+                    assert received(port) == [b"N\n"]
+                    fcntl.ioctl(theirs.fd, termios.TIOCEXCL)
+                    with pytest.raises(OSError, match="busy"):
+                        os.open(port.url, os.O_RDWR | os.O_NOCTTY)
+                assert received(port) == [b""]
+                assert port.url != first
+                assert str(link_path.readlink()) == port.url
+                assert port.settings() == LineFormat(rate)
+                is_served(port)
+                port.close()
+
+        tmp_path.chmod(0o777)
+        enter_from_outside(tmp_path)
+        as_nobody(check)
+
+    def test_exclusive_use_by_one_that_followed_another_makes_the_line_move(self):
+        def check():
+            moved = []
+            port = PtyPort(moved.append)
+            with client(port) as first:
+                os.write(first, b"N\n")
+                assert received(port) == [b"N\n"]
+            with client(port) as second:
+                fcntl.ioctl(second, termios.TIOCEXCL)
+                os.write(second, b"B\n")
+                assert received(port) == [b"", b"B\n"]
+                port.write(b"b\r\n")
+                assert unread(second) == b"b\r\n"
+            assert received(port) == [b""]
+            assert moved == [port.url]
+            is_served(port)
+            port.close()
+
+        as_nobody(check)
+
+    def test_a_link_that_cannot_be_turned_is_no_end(self, caplog):
+        def moved(path):
+            raise EmulatorError(f"cannot turn the link to {path}")
+
+        def check():
+            port = PtyPort(moved)
+            with client(port) as first:
+                os.write(first, b"N\n")
+                received(port)
+                fcntl.ioctl(first, termios.TIOCEXCL)
+            assert received(port) == [b""]
+            assert f"cannot turn the link to {port.url}" in caplog.text
+            is_served(port)
+            port.close()
+
+        as_nobody(check)
+
+
+def stop_output(port, terminal, how):
+    if how == "TCOOFF":
+        termios.tcflow(terminal, termios.TCOOFF)
+        return
+    settings = termios.tcgetattr(terminal)
+    settings[0] |= termios.IXON
+    termios.tcsetattr(terminal, termios.TCSANOW, settings)
+    port.write(b"\x13")
+
+
+def is_served(port):
+    with client(port) as terminal:
+        os.write(terminal, b"B\n")
+        assert received(port) == [b"B\n"]
+        port.write(b"b\r\n")
+        assert unread(terminal) == b"b\r\n"
+    assert received(port) == [b""]
+
+
+def enter_from_outside(folder):
+    """Let everybody reach a folder of pytest's, which makes them for its own user."""
+    for each in [folder, *folder.parents]:
+        if each.stat().st_uid == os.getuid() and each.name.startswith(("pytest-", "test_")):
+            each.chmod(each.stat().st_mode | 0o011)
 
 
 def is_exclusive(terminal):
