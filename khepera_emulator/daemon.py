@@ -6,11 +6,12 @@ query is answered.
 """
 
 import logging
-import os
 import select
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Sequence
+from math import ceil
+from typing import Final
 
+from khepera_emulator.bell import Bell
 from khepera_emulator.clock import Clock, on_grid
 from khepera_emulator.emulator import Emulator
 from khepera_emulator.line_coding import LineFormat
@@ -38,6 +39,9 @@ _TAKE = 256
 
 _LEFT_BEHIND = 4096
 """Bytes of clients that have left that may wait for the line; more are dropped and counted."""
+
+_SELECTABLE: Final = 1024
+"""Descriptors that `select` can wait for: those below this number."""
 
 
 class Daemon:
@@ -70,7 +74,7 @@ class Daemon:
         self.add(emulator, port, follow_rate=follow_rate, channel=channel, log=log)
         self._heard = False
         self._stopping = False
-        self._stop = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._stop = Bell()
 
     @property
     def lost(self) -> int:
@@ -92,8 +96,7 @@ class Daemon:
     def stop(self) -> None:
         """End `run` soon; for signal handlers and other threads."""
         self._stopping = True
-        with suppress(OSError):  # it has ended
-            os.eventfd_write(self._stop, 1)
+        self._stop.ring()
 
     def run(self) -> None:
         """Serve until `stop`."""
@@ -102,17 +105,13 @@ class Daemon:
                 self._serve(self._wait())
             self._serve(set())  # what came before the stop counts
         finally:
-            os.close(self._stop)
+            self._stop.close()
         for line in self._lines:
             line.log_losses()
 
     def _wait(self) -> set[int]:
-        """Sleep until a client, a query, a byte's wire time or a robot's motion wants something.
-
-        `select` keeps its time-out to a tenth of a millisecond; `poll` and `epoll` round it up
-        to a whole one, half a character at 9600.
-        """
-        readers = [self._stop]
+        """Sleep until a client, a query, a byte's wire time or a robot's motion wants something."""
+        readers = [self._stop.fileno()]
         # a robot that was talked to is hardly worth the question whether it moves
         awake = self._heard or self._emulator.moving
         delay = MOVING_PERIOD if awake else RESTING_PERIOD
@@ -120,7 +119,7 @@ class Daemon:
         for line in self._lines:
             readers += line.descriptors()
             delay = min(delay, line.delay(now, self._clock.speed))
-        return set(select.select(readers, (), (), max(0.0, delay))[0])
+        return wait_readable(readers, max(0.0, delay))
 
     def _serve(self, ready: set[int]) -> None:
         """One round: bytes to the robots, time, bytes to the clients, queries."""
@@ -176,6 +175,7 @@ class _Line:
         self._chunks: list[bytes] = []
         self._watched: tuple[int, ...] = ()
         self._room = _TAKE
+        self._answered = False
         self._look_again = False
         # a line that takes no time has no rate that a client's could differ from
         self._asks_settings = follow_rate or emulator.uart.baud is not None or bool(self._log)
@@ -185,7 +185,8 @@ class _Line:
     def descriptors(self) -> tuple[int, ...]:
         """What becomes readable when a client or a query comes."""
         self._room = self._emulator.uart.room(self._emulator.now, _TAKE)
-        self._watched = self._port.descriptors(room=self._room > 0)
+        self._answered = self._emulator.uart.idle
+        self._watched = self._port.descriptors(room=self._room > 0, answered=self._answered)
         return (*self._watched, self._channel.fileno()) if self._channel else self._watched
 
     def delay(self, now: float, speed: float) -> float:
@@ -212,7 +213,7 @@ class _Line:
         """
         if not ready or self._look_again or not ready.isdisjoint(self._watched):
             self._look_again = False
-            self._chunks = self._port.receive(self._room)
+            self._chunks = self._port.receive(self._room, answered=self._answered)
 
     def take(self, now: float) -> bool:
         """Put on the line, now, what the client has done; tells whether that is anything."""
@@ -279,6 +280,21 @@ class _Line:
             self._port.dropped,
             self.lost + self._emulator.uart.lost,
         )
+
+
+def wait_readable(descriptors: Sequence[int], seconds: float) -> set[int]:
+    """Wait until one of the descriptors is readable, at most so long; return those that are.
+
+    `select` keeps its time-out to a tenth of a millisecond, `poll` rounds it up to a whole one,
+    half a character at 9600. A process that was started with a thousand descriptors of its parent
+    has none left that `select` takes.
+    """
+    if max(descriptors) < _SELECTABLE:
+        return set(select.select(descriptors, (), (), seconds)[0])
+    poll = select.poll()
+    for descriptor in descriptors:
+        poll.register(descriptor, select.POLLIN)
+    return {descriptor for descriptor, _ in poll.poll(ceil(seconds * 1000))}
 
 
 def _whole_requests(data: bytes) -> bytes:

@@ -236,6 +236,11 @@ class Uart:
             return 0
         return max(0, most - len(self._receiving.data))
 
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is on its way in either direction; half a request may be held."""
+        return not (self._receiving.data or self._held or self._sending.data)
+
     def hang_up(self) -> None:
         """The client leaves: its requests are carried out, but nobody hears the replies."""
         self.clear_replies()

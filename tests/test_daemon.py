@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -127,6 +128,29 @@ class TestNetwork:
             with serial.serial_for_url(running.path, timeout=PATIENCE) as port:
                 assert ask(port, b"B\n") == VERSION
 
+    @pytest.mark.parametrize("baud", ["9600", "unpaced"])
+    def test_who_only_ends_the_sending_side_is_answered_all(self, baud):
+        """As `printf 'B\\nH\\n' | nc -N 127.0.0.1 4000` does."""
+        with emulator("--no-zenoh", "--tcp", "127.0.0.1:0", "--baud", baud) as running:
+            for _ in range(3):
+                with connection(running) as client:
+                    client.sendall(b"B\nH\n" * 3)
+                    client.shutdown(socket.SHUT_WR)
+                    assert client.makefile("rb").read() == (VERSION + b"h,0,0\r\n") * 3
+
+    def test_who_has_left_hours_behind_does_not_keep_the_line(self):
+        with emulator("--no-zenoh", "--tcp", "127.0.0.1:0", "--speed", "20") as running:
+            with connection(running) as client:
+                client.sendall(b"G,7,8\n" + b"N\n" * 1_500_000)
+            with connection(running) as client:
+                client.sendall(b"\nH\n")
+                assert client.makefile("rb").readline() == b"h,7,8\r\n"
+
+
+def connection(running):
+    host, _, port = running.path.rpartition("/")[2].rpartition(":")
+    return socket.create_connection((host, int(port)), PATIENCE)
+
 
 class TestWireTime:
     """Lower bounds only: a busy machine may always be late."""
@@ -237,7 +261,10 @@ class TestEnd:
     @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
     def test_signal_ends_it_cleanly(self, tmp_path, number):
         running = EmulatorProcess(*link_options(tmp_path))
-        assert [entry.name for entry in sorted(tmp_path.iterdir())] == ["khepera", "khepera.lock"]
+        assert [entry.name for entry in sorted(tmp_path.iterdir())] == [
+            ".khepera.khepera-emulator-lock",
+            "khepera",
+        ]
         assert running.end(number) == (0, "")
         assert list(tmp_path.iterdir()) == []
 
