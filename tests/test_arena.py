@@ -172,16 +172,27 @@ def test_an_arena_of_ones_own(tmp_path):
         (("version = 1", "version = 2"), "version"),
         (("version = 1\n", ""), "version"),
         (("title", "titel"), "title"),
-        (("x = 0.0,", ""), "start.x"),
-        (("0.5, 1.0", "0.5, 11.0"), "wall.0.points"),
-        (("0.5, 1.0", "0.5, nan"), "wall.0.points"),
-        (("[0.5, -1.0], ", ""), "wall.0.points"),
+        (("title", "titel"), "there is no key 'titel'; did you mean 'title'?"),
+        (("x = 0.0,", ""), "start: the key 'x' is missing"),
+        (("0.5, 1.0", "0.5, 11.0"), "wall 1, points 2, number 2: 11.0 is more than 10"),
+        (("0.5, 1.0", "0.5, nan"), "wall 1, points 2, number 2: nan is not a finite number"),
+        (("0.5, 1.0", "0.5, true"), "wall 1, points 2, number 2: True is not a number"),
+        (("0.5, 1.0", "0.5"), "wall 1, points 2, number 2: it is missing"),
+        (("0.5, 1.0", "0.5, 1.0, 0.1"), "wall 1, points 2: there are more than 2"),
+        (("[0.5, -1.0], ", ""), "wall 1, points: there are 1, and 2 at least are needed"),
         (("0.5, -1.0", "0.5, 1.0"), "two points in a row are the same"),
-        (("half_width = 0.05", "half_width = 0.0"), "free.half_width"),
+        (("0.5, -1.0", "0.5, 0.9999"), "two points in a row are less than 1 mm apart"),
+        (("half_width = 0.05", "half_width = 0.0"), "free, half_width: 0.0 is less than 0.001"),
+        (('"A wall"', '"' + "x" * 201 + '"'), "title: it has more than 200 characters"),
         (("[0.1, 0.0]]", "[0.0, 0.0]]"), "two points in a row are the same"),
         (("[[wall]]", "colour = 3\n[[wall]]"), "colour"),
-        (("[[wall]]", "[[walls]]"), "walls"),
-        (("version = 1", "version ="), "not TOML"),
+        (("[[wall]]", "[[walls]]"), "there is no key 'walls'; did you mean 'wall'?"),
+        (("[[wall]]", "[wall]"), "wall: it is a single table; write its name in double brackets"),
+        (("version = 1", "version = 1.0"), "version: 1.0 is not a whole number"),
+        (("version = 1", "version ="), "not TOML: Invalid value (at line 2, column 10)"),
+        (("version = 1", "version = " + "9" * 5000), "not TOML: a number is too long"),
+        (("version = 1", "version = " + "[" * 5000), "not TOML: it is nested too deeply"),
+        (("version = 1", "#" * 1_000_000), "has more than 1,000,000 bytes"),
     ],
 )
 def test_a_wrong_arena_is_told_in_one_sentence(tmp_path, change, part):
@@ -194,17 +205,72 @@ def test_a_wrong_arena_is_told_in_one_sentence(tmp_path, change, part):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["nowhere", "", "a\0b", "/"])
+def test_all_mistakes_are_told_at_once(tmp_path):
+    path = tmp_path / "wrong.toml"
+    wall = "[[wall]]\npoints = [[0, 0], [1, 12]]\ncolor = [1, 0, 0]\nheight = -1\n"
+    path.write_text(GOOD.replace("title", "titel") + wall)
+    with pytest.raises(EmulatorError) as caught:
+        load_arena(str(path))
+    assert str(caught.value) == (
+        f"the arena '{path}': 4 mistakes: wall 2, points 2, number 2: 12 is more than 10;"
+        " wall 2, height: -1 is less than 0.001;"
+        " wall 2: there is no key 'color'; did you mean 'colour'?;"
+        " there is no key 'titel'; did you mean 'title'?"
+    )
+
+
+def test_very_many_mistakes_are_counted(tmp_path):
+    path = tmp_path / "wrong.toml"
+    path.write_text(GOOD + "".join(f"x{k} = 1\n" for k in range(100)))
+    with pytest.raises(EmulatorError, match=r"100 mistakes: .*; and 90 more$") as caught:
+        load_arena(str(path))
+    assert len(str(caught.value)) < 1500
+
+
+def test_what_a_terminal_would_obey_is_made_readable(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(GOOD.replace("A wall", "A \\u001b]0;wall\\u0007 \\u202e"))
+    assert load_arena(str(path)).title == r"A \x1b]0;wall\x07 \u202e"
+    path.write_text(GOOD + '"\\u001b[2J" = 1\n')
+    with pytest.raises(EmulatorError) as caught:
+        load_arena(str(path))
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("name", ["nowhere", "", "a\0b"])
 def test_an_unknown_arena_lists_the_known_ones(name):
     with pytest.raises(EmulatorError, match="unknown arena") as caught:
         load_arena(name)
     assert "corridor" in str(caught.value)
 
 
+def test_a_misspelt_arena_is_recognized():
+    with pytest.raises(EmulatorError, match="unknown arena 'maz': did you mean maze"):
+        load_arena("maz")
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("nowhere.toml", "No such file or directory"),
+        ("no/where", "No such file or directory"),
+        ("a" * 300, "File name too long"),
+        ("/", "is not a file"),
+        (".", "is not a file"),
+        ("/dev/zero", "is not a file"),
+        ("/proc/self/mem", "Input/output error"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_not_an_unknown_arena(name, why):
+    with pytest.raises(EmulatorError, match=why) as caught:
+        load_arena(name)
+    assert "unknown" not in str(caught.value)
+
+
 def test_a_file_that_is_no_text(tmp_path):
     path = tmp_path / "binary.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(EmulatorError, match="nor a readable TOML file"):
+    with pytest.raises(EmulatorError, match="is not TOML: byte 0 is not UTF-8 text"):
         load_arena(str(path))
 
 
@@ -221,13 +287,13 @@ def test_an_arena_with_a_thing(tmp_path):
 @pytest.mark.parametrize(
     ("change", "part"),
     [
-        (('"box"', '"cone"'), "object.0.shape"),
+        (('"box"', '"cone"'), "object 1, shape: 'cone' is not one of 'post', 'ball' or 'box'"),
         (('"box"', '"ball"'), "a ball has a radius and no size"),
         (("size = [0.04, 0.02]", "radius = 0.02"), "a box has a size"),
-        (("0.04, 0.02", "0.04"), "object.0.size"),
-        (("0.04, 0.02", "0.04, 0.0"), "object.0.size"),
-        (("centre = [0.2, 0.2]", ""), "object.0.centre"),
-        (("size", "mass = 0.0\nsize"), "object.0.mass"),
+        (("0.04, 0.02", "0.04"), "object 1, size 2: it is missing"),
+        (("0.04, 0.02", "0.04, 0.0"), "object 1, size 2: 0.0 is less than 0.005"),
+        (("centre = [0.2, 0.2]", ""), "object 1: the key 'centre' is missing"),
+        (("size", "mass = 0.0\nsize"), "object 1, mass: 0.0 is less than 0.001"),
     ],
 )
 def test_a_wrong_thing_is_told_in_one_sentence(tmp_path, change, part):
