@@ -207,7 +207,7 @@ def _document(name: str) -> bytes:
         return (resources.files("khepera_emulator") / "arenas" / f"{name}.toml").read_bytes()
     path = Path(name)
     try:
-        if not name or path.name == name and not path.suffix and not path.exists():
+        if not name or (path.name == name and not path.suffix and not path.exists()):
             raise EmulatorError(_unknown(name, names))
         if path.exists() and not path.is_file():
             # a pipe or a device might never end

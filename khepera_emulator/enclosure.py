@@ -78,7 +78,7 @@ class Enclosure:
         away = cv2.distanceTransform(floor, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         free = (away > radius / self._side).astype(np.uint8)
         cv2.floodFill(free, None, (0, 0), _REACHED)
-        return free == _REACHED
+        return np.asarray(free == _REACHED)
 
     def _drawn(self, points: list[tuple[float, float]]) -> NDArray[np.int32]:
         """Points in metres as OpenCV takes them: squares from middle to middle, with a fraction."""

@@ -118,8 +118,5 @@ def _keys(model: type[BaseModel], table: list[int | str]) -> list[str]:
     """Return the keys that a table of a document may have."""
     kind: Any = model
     for part in table:
-        if isinstance(part, int):
-            kind = get_args(kind)[0]
-        else:
-            kind = kind.model_fields[part].annotation
+        kind = get_args(kind)[0] if isinstance(part, int) else kind.model_fields[part].annotation
     return list(kind.model_fields)

@@ -44,11 +44,12 @@ def check_room(pose: Pose, gap: Gap, inside: Inside = anywhere) -> None:
     # written so that what is not a number is refused, too
     if not (abs(pose.x) <= FARTHEST and abs(pose.y) <= FARTHEST):
         raise EmulatorError(
-            f"x={pose.x:g} m, y={pose.y:g} m is in no arena: they end {FARTHEST:g} m from the origin"
+            f"x={pose.x:g} m, y={pose.y:g} m is in no arena: they end {FARTHEST:g} m from their"
+            " origin"
         )
     if not abs(pose.heading) <= 2 * pi:
         raise EmulatorError(
-            f"the heading {pose.heading:g} is no angle in radians from {-2 * pi:.3f} to {2 * pi:.3f}"
+            f"the heading {pose.heading:g} is no angle from {-2 * pi:.3f} to {2 * pi:.3f} radians"
         )
     if not inside(pose.x, pose.y):
         raise EmulatorError(f"{place} is outside the walls of the arena")

@@ -25,8 +25,8 @@ _QUERIES: Final = """Samples are dropped when a subscriber is too slow, and the 
 show it. A query gets what the table says, so that whoever comes late knows the latest.
 
 A query may look at many keys at once, such as `khepera/**`: it changes nothing. What has effects
-answers only to queries on exactly its key, and only to those with a payload, which may be `{}`. A query that
-cannot be answered gets an error reply of one sentence.
+answers only to queries on exactly its key, and only to those with a payload, which may be `{}`.
+A query that cannot be answered gets an error reply of one sentence.
 
 A query with the parameter `describe`, such as `macor/khepera/decision?describe`, gets the JSON
 Schema of the key's payload (`application/schema+json`); `macor-hil keys decision` prints it, too.
