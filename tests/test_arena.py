@@ -137,6 +137,90 @@ def test_arenas_are_listed_with_title_and_size(capsys):
     assert run(capsys, "open-box") == ["open-box  1.02 x 1.02 m  Open box of 1 m, one wall red"]
 
 
+def test_starts_are_checked_as_run_checks_them(tmp_path, capsys):
+    path = tmp_path / "own.toml"
+    box = "[[wall]]\npoints = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]\n"
+    text = GOOD.partition("[[wall]]")[0] + box
+    post = '[[object]]\nshape = "post"\nradius = 0.02\ncentre = [0.3, 0.3]\n'
+    for x, y in ((0.2, 0.2), (0.21, 0.2), (0.49, 0.0), (0.31, 0.3), (2.0, 0.0)):
+        post += f"[[starts]]\nx = {x}\ny = {y}\n"
+    path.write_text(text + post)
+    with pytest.raises(EmulatorError) as caught:
+        run(capsys, str(path))
+    there, outside = "something is there", "is outside the walls of the arena"
+    assert str(caught.value) == (
+        f"the arena '{path}': 4 mistakes:"
+        f" starts 2: no room for the robot at x=0.210 m, y=0.200 m: {there};"
+        f" starts 3: no room for the robot at x=0.490 m, y=0.000 m: {there};"
+        f" starts 4: no room for the robot at x=0.310 m, y=0.300 m: {there};"
+        f" starts 5: x=2.000 m, y=0.000 m {outside}"
+    )
+    path.write_text(text.replace("{ x = 0.0", "{ x = 0.49"))
+    with pytest.raises(EmulatorError, match="start: no room for the robot"):
+        run(capsys, str(path), "--draw", str(tmp_path / "arena.png"))
+    path.write_text(text.replace("half_width = 0.05", "half_width = 0.05, gap = 0.6"))
+    with pytest.raises(EmulatorError, match="free: no free place"):
+        run(capsys, str(path))
+
+
+def test_a_robot_that_is_too_wide_is_told(tmp_path, capsys):
+    path = tmp_path / "own.toml"
+    path.write_text(GOOD.replace("0.5, -1.0], [0.5, 1.0", "0.034, -1.0], [0.034, 1.0"))
+    with pytest.raises(EmulatorError, match=r"start: no room .*; free: no free place"):
+        run(capsys, str(path), "--model", "khepera2")
+
+
+PICTURES = {
+    "png": b"\x89PNG",
+    "JPG": b"\xff\xd8\xff",
+    "jpeg": b"\xff\xd8\xff",
+    "svg": b"<?xml",
+    "pdf": b"%PDF",
+}
+
+
+@pytest.mark.parametrize("suffix", PICTURES)
+def test_a_picture_is_what_its_name_says(tmp_path, capsys, suffix):
+    path = tmp_path / f"arena.{suffix}"
+    run(capsys, "open-box", "--draw", str(path))
+    assert path.read_bytes().startswith(PICTURES[suffix])
+
+
+@pytest.mark.parametrize(
+    ("path", "why"),
+    [
+        ("", "is a folder"),
+        (".", "is a folder"),
+        ("/", "is a folder"),
+        ("arena", "give a name that ends with .png, .jpg, .jpeg, .svg or .pdf"),
+        ("arena.gif", "give a name that ends with .png, .jpg, .jpeg, .svg or .pdf"),
+        ("/dev/full", "give a name that ends with"),
+        ("nowhere/arena.png", "there is no folder nowhere"),
+        ("/dev/null/arena.png", "there is no folder /dev/null"),
+        ("a" * 300 + ".png", "File name too long"),
+        ("a" * 300 + "/arena.png", "File name too long"),
+    ],
+)
+def test_a_picture_that_cannot_be_written_is_refused_before_it_is_drawn(
+    capsys, monkeypatch, path, why
+):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(EmulatorError, match="cannot write") as caught:
+        run(capsys, "maze", "--draw", path)
+    assert why in str(caught.value)
+
+
+def test_all_starts_are_drawn(tmp_path, capsys):
+    path = tmp_path / "own.toml"
+    path.write_text(GOOD.replace("A wall", "A $wall") + "[[starts]]\nx = -1.0\ny = 2.0\n")
+    run(capsys, str(path), "--draw", str(tmp_path / "arena.svg"))
+    drawn = (tmp_path / "arena.svg").read_text()
+    # each robot is a round body in white; glyphs stand with their text as a comment
+    assert drawn.count("fill: #ffffff; stroke: #000000") == 2
+    assert "<!-- 2 -->" in drawn
+    assert "<!-- A $wall -->" in drawn
+
+
 @pytest.mark.parametrize("name", ["lamp-room", "maze"])
 def test_an_arena_is_drawn(tmp_path, capsys, name):
     path = tmp_path / "arena.png"
