@@ -26,7 +26,7 @@ from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.terminal import FIRST_RATE
 from khepera_emulator.starts import check_starts
-from khepera_emulator.wire_log import WireLog, read_log, robot_url
+from khepera_emulator.wire_log import ROBOT, Recording, WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
 from protocol.text import printable
 from protocol.turrets import TURRETS
@@ -323,7 +323,8 @@ def replay(
 ) -> None:
     """Play the requests of a wire log at their times, and compare the replies.
 
-    Exit status: 0 if all are equal, 1 at the first difference, which is printed.
+    Exit status: 0 if all are equal, 1 at the first difference, which is printed, 2 if the log is
+    damaged: what stands before the damage is replayed all the same.
     """
     import serial
 
@@ -332,7 +333,7 @@ def replay(
     from khepera_emulator.replay import replay as play
 
     recording = read_log(file)
-    url = port or recording.url
+    url = port or _recorded_robot(file, recording)
     try:
         with serial.serial_for_url(url, timeout=1.0) as line:
             result = play(recording, line, [word.strip() for word in ignore.split(",")])
@@ -342,6 +343,8 @@ def replay(
         typer.echo(str(result))
         raise typer.Exit(_DIFFERENT)
     typer.echo(f"{result} reply lines equal")
+    if recording.damage:
+        raise EmulatorError(f"{recording.damage}; only what stands before was replayed")
 
 
 def main() -> None:
@@ -349,7 +352,7 @@ def main() -> None:
     try:
         app(prog_name="khepera-emulator")
     except EmulatorError as error:
-        typer.echo(f"khepera-emulator: {error}", err=True)
+        typer.echo(f"khepera-emulator: {printable(str(error))}", err=True)
         sys.exit(_FAILED)
 
 
@@ -361,6 +364,16 @@ def _checked(name: str, model: Model) -> Arena:
     except EmulatorError as error:
         raise EmulatorError(f"the arena {name!r}: {error}") from None
     return arena
+
+
+def _recorded_robot(file: Path, recording: Recording) -> str:
+    """The robot that a log names. A file may name an emulated one, and no device or file."""
+    if not recording.url.startswith(ROBOT):
+        raise EmulatorError(
+            f"{file} names {recording.url[:100]!r} as its robot, which is no emulated one"
+            f" ({ROBOT}...); give --port to replay it on a port of your own"
+        )
+    return recording.url
 
 
 def _parse_baud(text: str) -> int | None:
