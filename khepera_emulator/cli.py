@@ -28,7 +28,7 @@ from khepera_emulator.ports.terminal import FIRST_RATE
 from khepera_emulator.starts import check_starts
 from khepera_emulator.wire_log import ROBOT, Recording, WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
-from protocol.text import printable
+from protocol.text import PrintableFormatter, printable
 from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
@@ -203,9 +203,9 @@ def run(
 
     Prints one line for each robot: its name, its terminal or URL, and the link to it.
     """
-    logging.basicConfig(
-        level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
-    )
+    handler = logging.StreamHandler()
+    handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=log_level.upper(), handlers=[handler])
     load_physics()
     from khepera_emulator.daemon import Daemon
     from khepera_emulator.emulator import Setup, make_fleet
