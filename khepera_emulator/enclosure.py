@@ -68,17 +68,19 @@ class Enclosure:
 
     def _reached(self, plan: FloorPlan, radius: float) -> NDArray[np.bool_]:
         """Find the squares that a body gets to which comes from far away."""
-        floor = np.ones((self._rows, self._columns), np.uint8)
+        floor = np.zeros((self._rows, self._columns), np.uint8)
+        # a solid, and as much around it as keeps the body's middle away
+        around = round(2 * radius / self._side)
         for box in plan.boxes:
-            cv2.fillConvexPoly(floor, self._drawn(box.corners()), 0, shift=_BITS)
+            corners = self._drawn(box.corners())
+            cv2.fillConvexPoly(floor, corners, 1, shift=_BITS)
+            cv2.polylines(floor, [corners], True, 1, around, shift=_BITS)
         for x, y, size in plan.posts:
             ((column, row),) = self._drawn([(x, y)]).tolist()
-            thick = round(size / self._side * 2**_BITS)
-            cv2.circle(floor, (column, row), thick, 0, cv2.FILLED, shift=_BITS)
-        away = cv2.distanceTransform(floor, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        free = (away > radius / self._side).astype(np.uint8)
-        cv2.floodFill(free, None, (0, 0), _REACHED)
-        return np.asarray(free == _REACHED)
+            reach = round((size + radius) / self._side * 2**_BITS)
+            cv2.circle(floor, (column, row), reach, 1, cv2.FILLED, shift=_BITS)
+        cv2.floodFill(floor, None, (0, 0), _REACHED)
+        return np.asarray(floor == _REACHED)
 
     def _drawn(self, points: list[tuple[float, float]]) -> NDArray[np.int32]:
         """Points in metres as OpenCV takes them: squares from middle to middle, with a fraction."""

@@ -6,6 +6,7 @@ from math import hypot
 import numpy as np
 import pybullet
 import pytest
+from worlds import gap_in, reachable
 
 from khepera_emulator.arena import arena_names, load_arena
 from khepera_emulator.cli import app
@@ -27,11 +28,6 @@ free = { points = [[0.0, 0.0], [0.1, 0.0]], half_width = 0.05 }
 [[wall]]
 points = [[0.5, -1.0], [0.5, 1.0]]
 """
-
-
-def gap_in(name, model=KHEPERA2):
-    plan = FloorPlan(load_arena(name))
-    return lambda pose: plan.clearance(pose.x, pose.y) - model.radius
 
 
 def test_the_arenas_that_come_with_the_package():
@@ -100,20 +96,6 @@ def test_widths(name, width):
     plan = FloorPlan(load_arena(name))
     for x, y in ((0.4, 0.0), (1.0, 0.6)):
         assert plan.clearance(x, y) == pytest.approx(width / 2)
-
-
-def reachable(name, model, step=0.01):
-    """Centres of squares of the floor that a robot's middle can get to from the start."""
-    arena, gap = load_arena(name), gap_in(name, model)
-    first = (round(arena.start.x / step), round(arena.start.y / step))
-    seen, border = {first}, [first]
-    while border:
-        i, j = border.pop()
-        for near in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
-            if near not in seen and gap(Pose(x=near[0] * step, y=near[1] * step, heading=0)) > 0:
-                seen.add(near)
-                border.append(near)
-    return {(i * step, j * step) for i, j in seen}
 
 
 @pytest.mark.parametrize(("name", "goal"), [("maze", (0.88, 0.72)), ("narrow-passage", (0.4, 0.0))])

@@ -236,7 +236,7 @@ def started(given: Arena):
 
 
 def test_what_passes_can_be_driven_in_and_looked_at(hostile):
-    @settings(max_examples=hostile.examples(25), suppress_health_check=SUITS_ALL)
+    @settings(max_examples=hostile.examples(12), suppress_health_check=SUITS_ALL)
     @given(arenas(), st.integers(0, 2**32))
     def stays_finite(given, seed):
         hostile.count("arenas: extreme ones")
