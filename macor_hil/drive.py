@@ -6,7 +6,8 @@ something is stopped, and that is what the controller calls a collision. A targe
 reached in time is one, too. Nothing here knows whether the robot is a real one.
 
 The robot turns its wheels only while somebody here looks on: whatever else the controller does,
-it stands. A guard is asked between any two looks, and what it raises ends the drive.
+it stands. A guard is asked between any two looks, and what it raises ends the drive. Nothing that
+is raised leaves a drive before the robot stands.
 """
 
 from collections import deque
@@ -17,6 +18,7 @@ from math import radians, sqrt
 from macor_hil.errors import RobotResetError, StrayedError
 from macor_hil.odometry import Wheels
 from macor_hil.robot import Khepera
+from macor_hil.standstill import standing_on_failure
 from protocol.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 
 
@@ -34,6 +36,9 @@ RIGHT = MotorCommand("right", radians(-12))
 STRAIGHT = MotorCommand("straight", 0.0)
 COMMANDS = (LEFT, RIGHT, STRAIGHT)
 """The three commands of the paper's section 3.1: s = 2.1 cm each, turning 12, -12 or 0 degrees."""
+
+LONGEST_WAY = max(command.way for command in COMMANDS)
+"""Metres that a command takes a robot that nobody can stop."""
 
 MIRRORED = (COMMANDS.index(RIGHT), COMMANDS.index(LEFT), COMMANDS.index(STRAIGHT))
 """Index of the command that drives the mirror image of each."""
@@ -125,18 +130,46 @@ class Driver:
             StrayedError: the robot is elsewhere than on the way of this command.
             RobotError: the robot does not answer, or has been reset.
         """
-        begin = self._target
-        self._trail.append(begin)
-        ways = self._settings.wheels.counts(command.way, command.turn)
-        self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
-        proximity, collided = self._go(self._target, ways, watch=True)
-        if collided:
-            self._robot.stop()
-        counters = self._robot.counters()
-        self._check(begin, counters)
-        if collided:
-            self._target = counters
-        return Outcome(collided, proximity, counters)
+        with standing_on_failure(self._robot, command.way):
+            begin = self._target
+            self._trail.append(begin)
+            ways = self._settings.wheels.counts(command.way, command.turn)
+            self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
+            proximity, collided = self._go(self._target, ways, watch=True)
+            if collided:
+                self._robot.stop()
+            counters = self._robot.counters()
+            self._check(begin, counters)
+            if collided:
+                self._target = counters
+            return Outcome(collided, proximity, counters)
+
+    def hold(self, left: int, right: int, seconds: float, *, roll_on: bool = False) -> Outcome:
+        """Hold wheel speeds for a time, or until a collision; then the robot stands.
+
+        Args:
+            left: speed of the left wheel, counts / 10 ms, cut to the greatest of the settings.
+            right: that of the right wheel.
+            seconds: how long, on the robot's clock.
+            roll_on: let the wheels turn on for the next call. For a robot whose time stands still
+                between two calls (`khepera://`); any other would be on its own.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        top = self._settings.speed
+        with standing_on_failure(self._robot, top * SPEED_UNIT * seconds):
+            self._robot.set_speed(max(-top, min(top, left)), max(-top, min(top, right)))
+            end = self._robot.clock() + seconds
+            while True:
+                self._guard()
+                proximity = self._robot.proximity()
+                collided = is_touching(proximity, self._settings)
+                if collided or self._robot.clock() >= end:
+                    break
+            if collided or not roll_on:
+                self._robot.stop()
+            return Outcome(collided, proximity, self._robot.counters())
 
     def back_off(self, commands: int) -> None:
         """Drive back along the trail by up to a number of commands.
@@ -144,13 +177,14 @@ class Driver:
         Raises:
             RobotError: the robot does not answer.
         """
-        for _ in range(min(commands, len(self._trail))):
-            target = self._trail.pop()
-            ways = float(target[0] - self._target[0]), float(target[1] - self._target[1])
-            self._target = target
-            self._go(target, ways, watch=False)
-        self._robot.stop()
-        self._target = self._robot.counters()
+        with standing_on_failure(self._robot, LONGEST_WAY):
+            for _ in range(min(commands, len(self._trail))):
+                target = self._trail.pop()
+                ways = float(target[0] - self._target[0]), float(target[1] - self._target[1])
+                self._target = target
+                self._go(target, ways, watch=False)
+            self._robot.stop()
+            self._target = self._robot.counters()
 
     def turn(self, angle: float) -> None:
         """Turn on the spot by radians, to the left; a round body has always room for that.
@@ -158,11 +192,12 @@ class Driver:
         Raises:
             RobotError: the robot does not answer.
         """
-        ways = self._settings.wheels.counts(0.0, angle)
-        self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
-        self._go(self._target, ways, watch=False)
-        self._robot.stop()
-        self._target = self._robot.counters()
+        with standing_on_failure(self._robot, 0.0):
+            ways = self._settings.wheels.counts(0.0, angle)
+            self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
+            self._go(self._target, ways, watch=False)
+            self._robot.stop()
+            self._target = self._robot.counters()
 
     def _go(
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool

@@ -7,6 +7,7 @@ MacorError
  |    +-- GarbageError        a reply that does not belong to its request
  |    +-- RobotResetError     the robot has started again and forgotten what it was told
  |    +-- StrayedError        the robot went elsewhere than it was sent
+ |    +-- NotStoppedError     no stop was confirmed: the robot may still drive
  +-- CameraError            no picture, or one that cannot be used
  |    +-- CameraLostError     none came
  |    +-- CameraLateError     it came too late
@@ -57,6 +58,10 @@ class RobotResetError(RobotError):
 
 class StrayedError(RobotError):
     """The counters are not where the last command leads: it did not arrive as it was sent."""
+
+
+class NotStoppedError(RobotError):
+    """No stop was confirmed: the robot may still drive to the end of its last command."""
 
 
 class CameraError(MacorError):
