@@ -10,6 +10,7 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
+from protocol.extras import how_to_install
 from protocol.side_channel import Pose
 
 _WIDTH = 4.8
@@ -54,7 +55,8 @@ def _canvas(arena: Arena) -> tuple[Any, Any]:
         from matplotlib.figure import Figure
     except ImportError:
         raise EmulatorError(
-            "drawing needs Matplotlib, which is not installed; install the extra 'pictures'"
+            "drawing needs Matplotlib, which is not installed; install the extra 'pictures' with:"
+            f" {how_to_install('pictures')}"
         ) from None
     (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
     width, height = x1 - x0 + 2 * _MARGIN, y1 - y0 + 2 * _MARGIN

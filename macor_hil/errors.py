@@ -15,6 +15,7 @@ MacorError
  |    +-- CameraDarkError     nothing can be seen in it
  |    +-- WrongPictureError   it has another size or format than it should
  +-- ProfileError           a robot's profile that is missing, damaged, or of another version
+ +-- CalibrationError       moves that tell nothing of the wheels, or nothing possible
  +-- MapError               a map file that is missing, damaged, or of another version
  +-- BenchError             the emulator's side channel: reset and ground truth
  +-- TelemetryError         the Zenoh session: its endpoints, names and payloads
@@ -90,6 +91,10 @@ class WrongPictureError(CameraError):
 
 class ProfileError(MacorError):
     """The robot's profile cannot be used."""
+
+
+class CalibrationError(MacorError):
+    """Marked moves tell nothing of the wheels, or something that no robot can be."""
 
 
 class MapError(MacorError):

@@ -7,7 +7,7 @@ without a stop of the robot, and `undisturbed` holds them back while the robot i
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Final, Self
@@ -26,12 +26,18 @@ class Interruption:
     in order undisturbed, until `release`. Outside the main thread it does nothing. SIGINT is taken
     over even where a shell has it ignored (a script's background job), SIGHUP is not (`nohup`).
 
+    Args:
+        told: another way of being told to end: its name, or nothing, whenever `check` asks.
+
     Attributes:
         name: of the first signal that came, such as SIGTERM, or of who asked; empty before.
+        kept: what is to be told of the work that was cut short.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, told: Callable[[], str] = str) -> None:
         self.name = ""
+        self.kept = ""
+        self._told = told
         self._held = False
         self._before: dict[signal.Signals, signal._HANDLER] = {}
 
@@ -57,6 +63,7 @@ class Interruption:
 
         A KeyboardInterrupt that hits a destructor or a library's callback gets lost there.
         """
+        self.name = self.name or self._told()
         if self.name:
             raise KeyboardInterrupt
 
@@ -79,6 +86,16 @@ def interruption_in_charge() -> Interruption | None:
     """Return the interruption that has taken the signals over, or None."""
     owner = getattr(signal.getsignal(signal.SIGTERM), "__self__", None)
     return owner if isinstance(owner, Interruption) else None
+
+
+@contextmanager
+def signals_taken_over() -> Iterator[Interruption]:
+    """Give the interruption in charge, or a new one for as long as the context lasts."""
+    if interruption := interruption_in_charge():
+        yield interruption
+    else:
+        with Interruption() as interruption:
+            yield interruption
 
 
 @contextmanager

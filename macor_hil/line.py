@@ -21,6 +21,7 @@ from macor_hil.errors import (
 from macor_hil.left_behind import left_behind
 from protocol.commands import COMMANDS
 from protocol.errors import ReplyError
+from protocol.extras import how_to_install
 from protocol.framing import LINE_END
 from protocol.messages import Reply, Request, parse_reply
 from protocol.units import wire_time
@@ -65,6 +66,7 @@ def open_port(url: str, baud: int = 9600) -> Any:
         except ImportError:
             raise LinkError(
                 f"{url} needs the emulator, which is not installed; install the extra 'emulator'"
+                f" with: {how_to_install('emulator')}"
             ) from None
     if left_behind(Path(url)):
         raise LinkError(f"the emulator behind the link {url} has gone; start it again")

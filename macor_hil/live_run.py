@@ -15,7 +15,7 @@ from macor_hil.brain import Brain
 from macor_hil.cameras import Camera
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
-from macor_hil.drive import LONGEST_WAY, Driver, DriveSettings
+from macor_hil.drive import LONGEST_WAY, Driver, DriveSettings, all_of
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.interruption import Interruption
@@ -116,11 +116,7 @@ class LiveRun:
             # the inner one: the end of the watch may wait for a picture
             standing_on_failure(hardware.robot, LONGEST_WAY),
         ):
-
-            def guard() -> None:
-                self._interruption.check()
-                watch.guard()
-
+            guard = all_of(self._interruption.check, watch.guard)
             driver = Driver(hardware.robot, self._settings, guard)
             agent = Agent(brain, driver, self._watched(camera))
             while True:
