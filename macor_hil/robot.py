@@ -31,6 +31,10 @@ SETTINGS: Final = frozenset("AFJ")
 """Letters of settings that power-on forgets."""
 
 _ATTEMPTS: Final = 3
+_STOP_LIMIT: Final = 0.5
+"""Seconds for which the reply to a stop is waited for, however slow the line: at 1200 baud, far
+below what any Khepera speaks, it has come."""
+
 _STANDING_LIMIT: Final = 0.3
 """Seconds after a stop within which both wheels must have come to rest."""
 
@@ -266,7 +270,7 @@ def _halt(line: Line) -> None:
     for attempt in range(1, _ATTEMPTS + 1):
         try:
             line.clear(_STOP.encode())
-            line.exchange(_STOP)
+            line.exchange(_STOP, _STOP_LIMIT)
             _await_rest(line)
         except RobotError:
             if attempt == _ATTEMPTS:
@@ -277,7 +281,7 @@ def _halt(line: Line) -> None:
 
 def _await_rest(line: Line) -> None:
     start = line.clock()
-    while any(speed := line.exchange(_SPEED).values):
+    while any(speed := line.exchange(_SPEED, _STOP_LIMIT).values):
         if line.clock() - start > _STANDING_LIMIT:
             raise GarbageError(f"stopped, and the wheels still turn: {speed} counts / 10 ms")
 

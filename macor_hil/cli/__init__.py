@@ -7,19 +7,30 @@ import os
 import sys
 from types import FrameType
 
+_INTERRUPTED = 130
+
 
 def main() -> None:
     """Run the command line, and end the process with its exit status (docs/exit-status.md)."""
+    try:
+        status = _main()
+    except KeyboardInterrupt:  # before it is taken care of
+        os._exit(_INTERRUPTED)
+    sys.exit(status)
+
+
+def _main() -> int:
     import signal
+
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
     def end(number: int, _: FrameType | None) -> None:
         """Nothing has begun: nothing needs an end."""
         if number == signal.SIGINT:
             os.write(2, b"macor-hil: interrupted\n")
-        os._exit(130 if number == signal.SIGINT else 0)
+        os._exit(_INTERRUPTED if number == signal.SIGINT else 0)
 
     open_standard_files()
-    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     for number in signals:
         # a script's background job ignores Ctrl-C, which a robot's controller must not
         if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:
@@ -29,7 +40,7 @@ def main() -> None:
     status = run()
     for number in signals:
         signal.signal(number, signal.SIG_IGN)  # the end has begun
-    sys.exit(status)
+    return status
 
 
 def open_standard_files() -> None:

@@ -42,7 +42,7 @@ CameraOption = Annotated[
     str,
     typer.Option(help="auto, port, zenoh\\[:KEY], video:DEVICE, video:FILE or images:FOLDER."),
 ]
-BaudOption = Annotated[int, typer.Option(min=1, help="Rate of the serial line, bits a second.")]
+BaudOption = Annotated[int, typer.Option(min=1200, help="Rate of the serial line, bits a second.")]
 MapOption = Annotated[Path, typer.Option("--map", help="Map file.")]
 RobotOption = Annotated[str, typer.Option(metavar="NAME", help="The robot's name in Zenoh keys.")]
 ConnectOption = Annotated[

@@ -90,7 +90,8 @@ def _failed(error: OSError, interruption: Interruption) -> int:
         interruption.ask(CLOSED_OUTPUT)
         _say(_farewell(interruption))
     else:
-        _say(f"cannot go on: {error}")
+        what = f"{error.strerror or error}"
+        _say(f"cannot go on: {what}" + (f": {error.filename}" if error.filename else ""))
     return Status.FAILED
 
 
