@@ -8,8 +8,9 @@ query is answered.
 import logging
 import os
 import select
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from math import ceil
 
 from khepera_emulator.clock import Clock, on_grid
 from khepera_emulator.emulator import Emulator
@@ -32,6 +33,9 @@ RESTING_PERIOD = 0.100
 MOST_BEHIND = 0.25
 """Real seconds to catch up at once. A process that was stopped for longer, or is too slow for its
 speed, loses the rest: the robot's clock stands still meanwhile."""
+
+_SELECTABLE = 1024
+"""The first descriptor that `select` cannot watch."""
 
 _TAKE = 256
 """Bytes taken from a client ahead of the line; the rest waits with it, as in a driver's buffer."""
@@ -107,11 +111,7 @@ class Daemon:
             line.log_losses()
 
     def _wait(self) -> set[int]:
-        """Sleep until a client, a query, a byte's wire time or a robot's motion wants something.
-
-        `select` keeps its time-out to a tenth of a millisecond; `poll` and `epoll` round it up
-        to a whole one, half a character at 9600.
-        """
+        """Sleep until a client, a query, a byte's wire time or a robot's motion wants something."""
         readers = [self._stop]
         # a robot that was talked to is hardly worth the question whether it moves
         awake = self._heard or self._emulator.moving
@@ -120,7 +120,7 @@ class Daemon:
         for line in self._lines:
             readers += line.descriptors()
             delay = min(delay, line.delay(now, self._clock.speed))
-        return set(select.select(readers, (), (), max(0.0, delay))[0])
+        return _readable(readers, max(0.0, delay))
 
     def _serve(self, ready: set[int]) -> None:
         """One round: bytes to the robots, time, bytes to the clients, queries."""
@@ -279,6 +279,21 @@ class _Line:
             self._port.dropped,
             self.lost + self._emulator.uart.lost,
         )
+
+
+def _readable(descriptors: Sequence[int], seconds: float) -> set[int]:
+    """Wait for a time until any of some descriptors can be read; those that can.
+
+    `select` keeps its time-out to a tenth of a millisecond; `poll` and `epoll` round it to a
+    whole one, half a character at 9600. But `select` has no place for descriptors above 1023, which
+    a process has that was started with a thousand open.
+    """
+    if max(descriptors) < _SELECTABLE:
+        return set(select.select(descriptors, (), (), seconds)[0])
+    poll = select.poll()
+    for descriptor in descriptors:
+        poll.register(descriptor, select.POLLIN)
+    return {descriptor for descriptor, _ in poll.poll(ceil(1000 * seconds))}
 
 
 def _whole_requests(data: bytes) -> bytes:

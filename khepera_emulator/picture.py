@@ -12,6 +12,7 @@ from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
 from khepera_emulator.paths import check_output
 from khepera_emulator.places import pose_of
+from protocol.extras import how_to_install
 from protocol.side_channel import Pose
 
 FORMATS: Final = (".png", ".jpg", ".jpeg", ".svg", ".pdf")
@@ -63,7 +64,8 @@ def _canvas(arena: Arena) -> tuple[Any, Any]:
         from matplotlib.figure import Figure
     except ImportError:
         raise EmulatorError(
-            "drawing needs Matplotlib, which is not installed; install the extra 'pictures'"
+            "drawing needs Matplotlib, which is not installed; install the extra 'pictures' with:"
+            f" {how_to_install('pictures')}"
         ) from None
     (x0, y0), (x1, y1) = _bounds(arena)
     width, height = x1 - x0 + 2 * _MARGIN, y1 - y0 + 2 * _MARGIN

@@ -5,7 +5,9 @@ can be read; times are seconds on the robot's clock.
 """
 
 import json
+import logging
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -21,6 +23,8 @@ from khepera_emulator.faults import Happening
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.mistakes import describe
 from protocol.text import printable
+
+_log = logging.getLogger(__name__)
 
 FORMAT: Final = "khepera-wire-log"
 VERSION: Final = 1
@@ -75,6 +79,8 @@ class Recording:
 class WireLog:
     """Writes a wire log; use as a context.
 
+    Where no more can be written, on a full disk, the log ends and says so; the robot goes on.
+
     Args:
         path: the file; one that is there is replaced.
         url: an in-process robot like the recorded one.
@@ -89,8 +95,13 @@ class WireLog:
             self._file = path.open("w", buffering=1, encoding="ascii", newline="\n")
         except OSError as error:
             raise EmulatorError(f"cannot record to {path}: {error.strerror}") from None
+        self._path = path
         self._line: LineFormat | None = None
-        self._write(format=FORMAT, version=VERSION, url=url)
+        try:
+            self._put(format=FORMAT, version=VERSION, url=url)
+        except OSError as error:
+            self._close()
+            raise EmulatorError(f"cannot record to {path}: {error.strerror}") from None
 
     def __enter__(self) -> Self:
         return self
@@ -101,7 +112,7 @@ class WireLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._file.close()
+        self._close()
 
     def request(self, time: float, data: bytes) -> None:
         """A client has written."""
@@ -134,7 +145,22 @@ class WireLog:
         )
 
     def _write(self, **values: object) -> None:
+        if self._file.closed:
+            return
+        try:
+            self._put(**values)
+        except OSError as error:
+            _log.error(
+                "the recording %s ends here: %s; the robot goes on", self._path, error.strerror
+            )
+            self._close()
+
+    def _put(self, **values: object) -> None:
         self._file.write(json.dumps(values) + "\n")
+
+    def _close(self) -> None:
+        with suppress(OSError):  # what is left of a line that there is no room for
+            self._file.close()
 
 
 def robot_url(arena: str, options: Iterable[tuple[str, str]]) -> str:
