@@ -197,9 +197,9 @@ class TestReset:
             ('{"pose": {"x": 0.3}}', "pose.y: Field required"),
             ('{"seed": -1}', "seed: Input should be greater"),
             ("[]", "the payload: Input should be"),
-            ('{"pose": {"x": 1e308, "y": 0, "heading": 0}}', "x=1e+308 m, y=0 m is in no arena"),
-            ('{"pose": {"x": 0, "y": -1e155, "heading": 0}}', "x=0 m, y=-1e+155 m is in no arena"),
-            ('{"pose": {"x": 0.3, "y": 0, "heading": 1e308}}', "the heading 1e+308 is no angle"),
+            ('{"pose": {"x": 1e8, "y": 0, "heading": 0}}', "x=1e+08 m, y=0 m is in no arena"),
+            ('{"pose": {"x": 0, "y": -11, "heading": 0}}', "x=0 m, y=-11 m is in no arena"),
+            ('{"pose": {"x": 0.3, "y": 0, "heading": 1e8}}', "the heading 1e+08 is no angle"),
             ('{"pose": {"x": 0.3, "y": 0.6, "heading": 0}}', "x=0.300 m, y=0.600 m is outside the"),
             ('{"pose": {"x": 9, "y": 9, "heading": 0}, "seed": 1}', "x=9.000 m, y=9.000 m is outs"),
             ('{"\\u001b[31m": 1}', r"\x1b[31m: Extra inputs"),
@@ -210,6 +210,15 @@ class TestReset:
         before = truth_of(sample_of(peer, "reset", "{}"))
         assert refusal_of(peer, "reset", payload).startswith(sentence)
         assert truth_of(sample_of(peer, "truth")).pose == before.pose
+
+
+    @pytest.mark.parametrize("field", ["x", "y", "heading"])
+    @pytest.mark.parametrize("value", ["1e308", "-1e155", "1e400", "NaN"])
+    def test_numbers_beyond_all_bounds_do_not_end_the_emulator(self, peer, field, value):
+        pose = {"x": "0.3", "y": "0.0", "heading": "0.0", field: value}
+        fields = ", ".join(f'"{name}": {number}' for name, number in pose.items())
+        assert refusal_of(peer, "reset", f'{{"pose": {{{fields}}}}}')
+        assert decode(sample_of(peer, "camera")) is not None
 
 
 class TestTogether:
