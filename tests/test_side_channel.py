@@ -211,7 +211,6 @@ class TestReset:
         assert refusal_of(peer, "reset", payload).startswith(sentence)
         assert truth_of(sample_of(peer, "truth")).pose == before.pose
 
-
     @pytest.mark.parametrize("field", ["x", "y", "heading"])
     @pytest.mark.parametrize("value", ["1e308", "-1e155", "1e400", "NaN"])
     def test_numbers_beyond_all_bounds_do_not_end_the_emulator(self, peer, field, value):
