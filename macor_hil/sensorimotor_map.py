@@ -26,8 +26,8 @@ class Competence:
         w_max: the greatest weight, below 1 so that activity shrinks with every transition.
     """
 
-    mu: Annotated[float, Field(ge=-1e6, le=1e6)] = 2.8
-    sigma: Annotated[float, Field(ge=1e-3, le=1e6)] = 0.4
+    mu: Annotated[float, Field(ge=-100.0, le=100.0)] = 2.8
+    sigma: Annotated[float, Field(ge=0.2, le=1e3)] = 0.4
     w_max: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
 
     def __call__(self, z: NDArray[np.int64] | np.int64) -> Array:

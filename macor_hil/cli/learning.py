@@ -4,7 +4,7 @@ import sys
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 import typer
@@ -13,7 +13,7 @@ from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from macor_hil.agent import Agent
-from macor_hil.brain import Brain, Settings
+from macor_hil.brain import MOST_NODES, Brain, Settings
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.caretaker import Caretaker
@@ -49,6 +49,9 @@ from protocol.side_channel import DEFAULT_ENDPOINT, Reset
 
 app = typer.Typer()
 
+_MOST_COMMANDS: Final = 500_000
+"""Of each kind: a map of more transitions than both together would not be read again."""
+
 
 class RecoveryChoice(StrEnum):
     """What follows a collision in training."""
@@ -65,16 +68,24 @@ def train(
     baud: BaudOption = 9600,
     map_file: MapOption = DEFAULT_MAP,
     seed: SeedOption = DEFAULT_SEED,
-    nodes: Annotated[int, typer.Option(min=1, help="Most situations there can be.")] = 50,
+    nodes: Annotated[
+        int, typer.Option(min=1, max=MOST_NODES, help="Most situations there can be.")
+    ] = 50,
     vigilance: Annotated[float, typer.Option(min=0.0, max=1.0, help="Fuzzy ART's rho.")] = 0.9,
     tuning: Annotated[
-        int, typer.Option(min=10, help="Commands driven first, to tune the receptive fields.")
+        int,
+        typer.Option(
+            min=10, max=4_000, help="Commands driven first, to tune the receptive fields."
+        ),
     ] = 400,
-    random: Annotated[int, typer.Option(min=0, help="Randomly selected commands.")] = 13_000,
+    random: Annotated[
+        int, typer.Option(min=0, max=_MOST_COMMANDS, help="Randomly selected commands.")
+    ] = 13_000,
     reactive: Annotated[
         int,
         typer.Option(
             min=0,
+            max=_MOST_COMMANDS,
             help="Reactively selected commands after them; the paper's section 3.1 has"
             " --random 11000 --reactive 2000.",
         ),
@@ -253,7 +264,9 @@ def reproduce(
 def learn(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
     map_file: MapOption = DEFAULT_MAP,
-    nodes: Annotated[int, typer.Option(min=1, help="Most situations there can be.")] = 50,
+    nodes: Annotated[
+        int, typer.Option(min=1, max=MOST_NODES, help="Most situations there can be.")
+    ] = 50,
     vigilance: Annotated[float, typer.Option(min=0.0, max=1.0, help="Fuzzy ART's rho.")] = 0.9,
     seed: Annotated[int, typer.Option(min=0, help="Of where the prototypes begin.")] = 1,
 ) -> None:
