@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from io import BytesIO
 from math import prod
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, BinaryIO, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,20 @@ class InputError(ValueError):
     """A file cannot be used; the message says why, without naming the file."""
 
 
+def open_regular(path: Path) -> BinaryIO:
+    """Open a regular file to read from; a named pipe would be waited for, a device has no end.
+
+    Raises:
+        OSError: it cannot be opened.
+        InputError: it is no regular file.
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise InputError("it is not a regular file")
+    return os.fdopen(handle, "rb")
+
+
 def read_bounded(path: Path, most: int) -> bytes:
     """Read a regular file of at most so many bytes.
 
@@ -51,11 +65,7 @@ def read_bounded(path: Path, most: int) -> bytes:
         InputError: it is no regular file, is too long, or cannot be read.
     """
     try:
-        # a named pipe would be waited for
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(handle, "rb") as file:
-            if not stat.S_ISREG(os.fstat(handle).st_mode):
-                raise InputError("it is not a regular file")
+        with open_regular(path) as file:
             data = file.read(most + 1)
     except FileNotFoundError:
         raise

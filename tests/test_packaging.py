@@ -22,6 +22,7 @@ NEEDS = {
     "foxglove_schemas_protobuf": "recording",
     "gymnasium": "gymnasium",
     "joblib": "experiments",
+    "lz4": "recording",
     "matplotlib": "pictures",
     "mcap": "recording",
     "mcap_protobuf": "recording",
@@ -29,6 +30,7 @@ NEEDS = {
     "pybullet": "emulator",
     "rosbags": "ros",
     "xxhash": "ros",
+    "zstandard": "recording",
 }
 """Importable names of what only an extra brings."""
 
@@ -40,6 +42,7 @@ MAY_FAIL = {
     "macor_hil.monitor.dashboard": "dashboard",
     "macor_hil.ros2": "ros",
     "macor_hil.telemetry.foxglove": "recording",
+    "macor_hil.telemetry.mcap_file": "recording",
     "macor_hil.telemetry.recorder": "recording",
     "macor_hil.telemetry.recording": "recording",
     "khepera_emulator.world": "emulator",
