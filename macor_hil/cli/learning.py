@@ -272,13 +272,13 @@ def learn(
 ) -> None:
     """Train a map from recordings of drives (see `record`), without a robot."""
     with extra("recording"):
-        from macor_hil.telemetry.recording import read_recording
+        from macor_hil.telemetry.recording import play_recording
     from macor_hil.learning import learn as take_in
 
     if map_file.exists():
         raise MapError(f"the map {map_file} is there already; name another --map")
     brain = Brain(Settings(nodes=nodes, vigilance=vigilance))
-    recordings = [read_recording(file)[1] for file in files]
+    recordings = (play_recording(file)[1] for file in files)
     driven = take_in(brain, recordings, np.random.default_rng(seed))
     save_map(map_file, brain, {"recordings": [str(file) for file in files]})
     typer.echo(
