@@ -6,10 +6,12 @@ import re
 import struct
 import tracemalloc
 import zlib
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import lz4.frame
+import numpy as np
 import pytest
 import zstandard
 from damage import damaged
@@ -20,7 +22,9 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 from watching_helpers import BEGIN, a_life
 
-from macor_hil.errors import RecordingError
+from macor_hil.brain import Brain, Settings
+from macor_hil.errors import MacorError, RecordingError
+from macor_hil.learning import learn
 from macor_hil.telemetry.feed import Presence
 from macor_hil.telemetry.mcap_file import Damage, read_messages
 from macor_hil.telemetry.recording import Recorder, play_recording, read_recording
@@ -28,6 +32,7 @@ from protocol.keys import EMULATOR
 
 MIB = 1 << 20
 PEAK = 200 * MIB
+LEARNED = ("frame", "decision")
 CODECS = {
     "": lambda data: data,
     "zstd": zstandard.ZstdCompressor().compress,
@@ -256,6 +261,31 @@ def test_a_part_that_cannot_be_read_is_left_out_and_told(tmp_path, caplog, part)
     (said,) = caplog.messages
     assert "left out" in said
     assert "and 1 more" in said  # the end was cut off, too
+
+
+def test_learning_from_damaged_samples(hostile):
+    events = a_life(3)
+    samples = [k for k, event in enumerate(events) if getattr(event, "leaf", "") in LEARNED]
+    damages = st.sampled_from(samples).flatmap(
+        lambda k: st.tuples(st.just(k), damaged(events[k].data))
+    )
+
+    @settings(max_examples=hostile.examples(60))
+    @given(st.lists(damages, min_size=1, max_size=4))
+    def check(damage):
+        hostile.count("learning")
+        odd = list(events)
+        for k, data in damage:
+            odd[k] = replace(odd[k], data=data)
+        brain = Brain(Settings(nodes=5))
+        try:
+            assert 0 < learn(brain, [odd], np.random.default_rng(0)) <= 3
+        except MacorError as error:
+            assert_one_sentence(error, "")
+        else:
+            assert np.isfinite(brain.art.weights).all()
+
+    check()
 
 
 def test_an_unknown_compression_is_named(tmp_path, caplog):
