@@ -41,7 +41,7 @@ from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import MacorError, MapError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.map_file import load_map, save_map
-from macor_hil.planners import PLANNERS
+from macor_hil.planners.table import PLANNERS
 from macor_hil.profile import load_profile
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial

@@ -19,8 +19,8 @@ from macor_hil.brain import Brain, Settings
 from macor_hil.checkpoints import checkpoint_path, train_map
 from macor_hil.errors import MapError
 from macor_hil.map_file import load_map, save_map
-from macor_hil.planners import PLANNERS
 from macor_hil.planners.planner import Now
+from macor_hil.planners.table import PLANNERS
 from macor_hil.training import Schedule
 
 MIB = 1 << 20
