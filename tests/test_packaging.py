@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from emulator_process import PATIENCE
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -92,6 +93,13 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
 def test_every_extra_is_tried_without():
     for_developers = {"benchmarks", "build", "lint", "test"}
     assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
+
+
+@pytest.mark.parametrize("python", ["3.11", "3.12", "3.13", "3.14"])
+def test_every_python_gets_one_pybullet(python):
+    wanted = [Requirement(line) for line in PROJECT["optional-dependencies"]["emulator"]]
+    found = [each.name for each in wanted if each.marker.evaluate({"python_version": python})]
+    assert found == ["pybullet-arm64" if python in ("3.12", "3.13") else "pybullet"]
 
 
 def test_every_extra_is_documented():
