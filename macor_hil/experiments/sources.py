@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from macor_hil.errors import MacorError
+from macor_hil.input_files import MIB, InputError, read_bounded
 
 _PACKAGES: Final = ("protocol", "khepera_emulator", "macor_hil")
 
@@ -191,8 +192,8 @@ def _arena(name: str) -> bytes:
     shipped = _folder("khepera_emulator") / "arenas" / f"{name}.toml"
     path = shipped if shipped.exists() else Path(name)
     try:
-        return path.read_bytes()
-    except OSError:
+        return read_bounded(path, MIB)
+    except (OSError, InputError):
         raise MacorError(f"there is no arena {name!r}") from None
 
 
