@@ -65,7 +65,7 @@ class ResultsFile:
         self._header = {"experiment": name, "code": code, "settings": plain(settings)}
 
     def read(self) -> Results:
-        """Results by ascending seed; lines that were damaged are left out, and that is told."""
+        """Return results by ascending seed; damaged lines are left out, and that is told."""
         lines = read_lines(self.path)
         if not lines:
             return {}
@@ -107,7 +107,7 @@ def append_line(path: Path, value: dict[str, Any]) -> None:
 
 
 def read_lines(path: Path) -> list[dict[str, Any] | None]:
-    """All whole lines of a file of JSON lines, None for one that is no object; none without a file.
+    """Return all whole lines of a file of JSON lines, None for one that is no object.
 
     Raises:
         MacorError: the file cannot be read.
@@ -130,7 +130,7 @@ def _object(line: bytes) -> dict[str, Any] | None:
 
 
 def _entry(seed: int, result: Result) -> dict[str, Any]:
-    """A line of results, with a checksum of itself."""
+    """Return a line of results, with a checksum of itself."""
     return {"seed": seed, "result": result, "check": _check(seed, result)}
 
 
@@ -139,7 +139,7 @@ def _check(seed: int, result: Result) -> str:
 
 
 def _result(line: dict[str, Any] | None) -> tuple[int, Result] | None:
-    """Seed and result of a line; None if it is not as it was written."""
+    """Return seed and result of a line; None if it is not as it was written."""
     match line:
         case {"seed": int(seed), "result": dict(result), **rest}:
             try:

@@ -27,7 +27,7 @@ Body = list[ast.stmt]
 
 
 def digest(function: Callable[..., Any], arenas: Iterable[str]) -> str:
-    """A digest of all that a function may run and of arenas, 12 hexadecimal digits.
+    """Return a digest of all that a function may run and of arenas, 12 hexadecimal digits.
 
     Args:
         function: one at the top level of its module.
@@ -45,7 +45,7 @@ def digest(function: Callable[..., Any], arenas: Iterable[str]) -> str:
 
 
 def code_of(function: Callable[..., Any]) -> dict[str, str]:
-    """All that a function may run: bare code by the names of modules.
+    """Return all that a function may run: bare code by the names of modules.
 
     Raises:
         MacorError: a package is not installed.
@@ -65,7 +65,7 @@ def code_of(function: Callable[..., Any]) -> dict[str, str]:
 
 @cache
 def bare_code(text: str) -> str:
-    """The syntax tree of a program text, without comments, docstrings and places."""
+    """Return the syntax tree of a program text, without comments, docstrings and places."""
     return _dump(_statements(text))
 
 

@@ -41,7 +41,7 @@ _SECOND: Final = 1_000_000_000
 
 _log = logging.getLogger(__name__)
 
-_TOPIC: Final = re.compile(r"(\w{1,64})/([A-Za-z0-9_.-]{1,64})/(\w{1,64})", re.ASCII)
+_TOPIC: Final = re.compile(r"(khepera|macor)/([A-Za-z0-9_.-]{1,64})/(\w{1,64})", re.ASCII)
 _FORMAT: Final = re.compile(r"[a-z0-9.+-]{1,20}")
 
 _EVENT: Final = 1000
@@ -260,17 +260,18 @@ def _events(path: Path) -> Iterator[tuple[str, Event]]:
                 if isinstance(message, Damage):
                     left_out.add(f"a part at byte {message.place:,}: {message.reason}")
                     continue
-                try:
-                    found = _event(message)
-                except ValueError:
-                    left_out.add(f"a sample of {message.topic}, which cannot be read")
-                    continue
-                room -= len(message.data) + (_EVENT if found else 0)
+                topic = _TOPIC.fullmatch(message.topic)
+                room -= len(message.data) + (_EVENT if topic else 0)
                 if room < 0:
                     left_out.add("the rest: it expands to far more than a recording does")
                     return
-                if found:
-                    yield found
+                try:
+                    event = _event(topic[1], topic[3], message) if topic else None
+                except ValueError:
+                    left_out.add(f"a sample of {message.topic}, which cannot be read")
+                    continue
+                if topic and event:
+                    yield topic[2], event
     except InputError as error:
         raise RecordingError(f"cannot read {path}: {error}") from None
     except OSError as error:
@@ -279,27 +280,23 @@ def _events(path: Path) -> Iterator[tuple[str, Event]]:
         left_out.tell(path)
 
 
-def _event(message: Message) -> tuple[str, Event] | None:
-    """Return the robot and the event of a message; None for messages of other kinds.
+def _event(side: str, leaf: str, message: Message) -> Event | None:
+    """Return the event of a message; None for messages of other kinds.
 
     Raises:
         ValueError: it cannot be read.
     """
-    topic = _TOPIC.fullmatch(message.topic)
-    if topic is None:
-        return None
-    side, robot, leaf = topic.groups()
     if not any(key.side == side and key.leaf == leaf for key in KEYS):
         return None
     if leaf == ALIVE:
         alive = Alive.model_validate_json(message.data).alive
-        return robot, Presence(side, alive, message.log_time)
+        return Presence(side, alive, message.log_time)
     if payload := PAYLOADS.get((side, leaf)):
         data, encoding = message.data, f"application/json;{schema_name(side, payload)}"
     else:
         data, encoding = _picture(message.data)
     stamp = Stamp(sequence=message.sequence, time=message.publish_time / _SECOND)
-    return robot, Arrival(side, leaf, data, encoding, stamp, message.log_time)
+    return Arrival(side, leaf, data, encoding, stamp, message.log_time)
 
 
 def _picture(data: bytes) -> tuple[bytes, str]:
