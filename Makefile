@@ -51,17 +51,13 @@ stop-times: $(READY)
 soak-service: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak_service.py
 
-# NumPy and setuptools come first: where there is no wheel of PyBullet (CPython above 3.11), pip
-# builds it, and only with NumPy at hand it hands out pictures as arrays.
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "CPython 3.11 or newer is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
-		echo "CPython 3.11 is the reference; for this newer one PyBullet is built, which takes minutes."
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 14))' || \
+		echo "There is no wheel of PyBullet for this Python yet: pip builds it, which takes a compiler and ten minutes."
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	sed -n '/^\(numpy\|setuptools\)==/,/[^\\]$$/p' requirements.lock > $(VENV)/first.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(VENV)/first.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
 	touch $@
 

@@ -1,5 +1,6 @@
 """Loading PyBullet, without its greeting."""
 
+import logging
 import os
 from pathlib import Path
 from typing import Final
@@ -7,6 +8,8 @@ from typing import Final
 from khepera_emulator.errors import EmulatorError
 
 _STDERR: Final = 2
+
+_log = logging.getLogger(__name__)
 
 
 def load_physics() -> None:
@@ -19,7 +22,7 @@ def load_physics() -> None:
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), _STDERR)
     try:
-        import pybullet  # noqa: F401
+        import pybullet
     except ModuleNotFoundError:
         raise EmulatorError(
             "the emulator needs PyBullet: pip install 'khepera-macor[emulator]'"
@@ -27,3 +30,5 @@ def load_physics() -> None:
     finally:
         os.dup2(kept, _STDERR)
         os.close(kept)
+    if not pybullet.isNumpyEnabled():
+        _log.info("this PyBullet was built without NumPy: it draws things, not walls, more slowly")

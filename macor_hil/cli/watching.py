@@ -99,16 +99,15 @@ def replay(
 ) -> None:
     """Publish a recording again, with its times: every monitor works on it."""
     with extra("recording"):
-        from macor_hil.telemetry.recording import read_recording
+        from macor_hil.telemetry.recording import play_recording
     from macor_hil.telemetry.replay import Stage
     from macor_hil.telemetry.replay import replay as play
 
-    name, events = read_recording(file)
+    name, events = play_recording(file)
     with open_session(listen, [], zenoh_config) as session, Stage(session, robot or name) as stage:
-        of = len(events)
-        with kept(lambda: f"{stage.shown} of {of} events were published; {file} is as it was"):
-            play(events, stage, speed)
-    typer.echo(f"{file}: {len(events)} events of {name}")
+        with kept(lambda: f"{stage.shown} events were published; {file} is as it was"):
+            count = play(events, stage, speed)
+    typer.echo(f"{file}: {count} events of {name}")
 
 
 @app.command(
