@@ -27,7 +27,8 @@ class Key:
         encodings: media types of its samples.
         published: when samples are published; empty: never, it answers queries alone.
         answers: what a query gets; empty: nothing.
-        request: model of a query's JSON payload, where it takes one.
+        request: model of a query's JSON payload, where it takes one. A key that has effects
+            (reset, stop) has them only where it is named itself, and with such a payload.
     """
 
     side: str

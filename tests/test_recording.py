@@ -25,6 +25,7 @@ from macor_hil.telemetry.replay import Stage, replay
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 from protocol.keys import CONTROLLER, EMULATOR
+from protocol.schema import schema_of
 
 PATIENCE = 20.0
 
@@ -49,7 +50,7 @@ def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file):
         schemas = {c.topic: summary.schemas[c.schema_id] for c in summary.channels.values()}
         decision = schemas["macor/khepera/decision"]
         assert (decision.name, decision.encoding) == ("macor.Decision", "jsonschema")
-        assert json.loads(decision.data) == Decision.model_json_schema()
+        assert json.loads(decision.data) == schema_of(Decision)
         assert schemas["macor/khepera/frame"].name == "foxglove.CompressedImage"
         assert schemas["foxglove/khepera/pose"].name == "foxglove.PoseInFrame"
         assert schemas["foxglove/khepera/walls"].name == "foxglove.SceneUpdate"
@@ -260,7 +261,7 @@ def test_a_replay_answers_queries_with_the_latest_and_the_schema():
             assert str(sample.encoding) == "application/json;macor.Decision"
             assert json.loads(sample.attachment.to_bytes())["time"] == decision.stamp.time
             schema = ask(watcher, "macor/khepera/decision?describe").ok
-            assert json.loads(schema.payload.to_bytes()) == Decision.model_json_schema()
+            assert json.loads(schema.payload.to_bytes()) == schema_of(Decision)
             assert ask(watcher, "macor/khepera/state").ok is None
 
 

@@ -14,6 +14,7 @@ from macor_hil.monitor.terminal import watch
 from macor_hil.telemetry.keys import KEYS
 from macor_hil.telemetry.keys_page import keys_page
 from macor_hil.telemetry.session import open_session
+from protocol.schema import schema_of
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
 app = typer.Typer()
@@ -40,7 +41,7 @@ def keys(
     if payload is None:
         known = ", ".join(key.leaf for key in KEYS if key.payload)
         raise TelemetryError(f"no key of JSON samples ends with {leaf!r}; there are {known}")
-    typer.echo(json.dumps(payload.model_json_schema(), indent=2))
+    typer.echo(json.dumps(schema_of(payload), indent=2))
 
 
 @app.command(epilog="[cyan]macor-hil monitor --connect tcp/127.0.0.1:7448[/cyan]")
