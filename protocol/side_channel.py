@@ -103,6 +103,9 @@ class Payload(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    def __deepcopy__(self, _: object = None) -> Self:
+        return self  # nobody can tell a copy of what never changes
+
     @classmethod
     def parse(cls, data: bytes, limit: int = MOST_JSON) -> Self:
         """Return the payload of a JSON text.

@@ -2,7 +2,9 @@
 
 import json
 import socket
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,6 +18,7 @@ from macor_hil.telemetry.keys_page import keys_page
 from macor_hil.telemetry.session import open_session
 from protocol.schema import schema_of
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+from protocol.text import printable
 
 app = typer.Typer()
 
@@ -78,8 +81,8 @@ def record(
     with extra("recording"):
         from macor_hil.telemetry.recorder import record as write
     with open_session([], connect, zenoh_config) as session:
-        samples = write(session, robot, file, duration)
-    typer.echo(f"{file}: {samples} samples")
+        samples, not_taken = write(session, robot, file, duration)
+    typer.echo("; ".join(filter(None, [f"{file}: {samples} samples", not_taken.words()])))
 
 
 @app.command(epilog="[cyan]macor-hil replay runs/drive.mcap --speed 2[/cyan]")
@@ -105,7 +108,7 @@ def replay(
     name, events = read_recording(file)
     with open_session(listen, [], zenoh_config) as session, Stage(session, robot or name) as stage:
         play(events, stage, speed)
-    typer.echo(f"{file}: {len(events)} events of {name}")
+    typer.echo(f"{file}: {len(events)} events of {printable(name)}")
 
 
 @app.command(
@@ -131,16 +134,19 @@ def dashboard(
     from macor_hil.monitor.watcher import Watcher
 
     with ExitStack() as stack:
-        source: Live | Player
+        open_source: Callable[[], Live | Player]
+        poll = None
         if file is None:
             session = stack.enter_context(open_session([], connect, zenoh_config))
-            source = Live(stack.enter_context(Watcher(session, robot, camera=True)))
+            live = Live(stack.enter_context(Watcher(session, robot, camera=True)))
+            open_source, poll = lambda: live, live.poll
         else:
             with extra("recording"):
                 from macor_hil.telemetry.recording import read_recording
-            source = Player(*read_recording(file))
+            name, events = read_recording(file)
+            open_source = partial(Player, printable(name, 100), events)
         _check_free(port)
-        serve(source, port, lambda: typer.echo(f"http://127.0.0.1:{port}"))
+        serve(open_source, port, lambda: typer.echo(f"http://127.0.0.1:{port}"), poll)
 
 
 def _check_free(port: int) -> None:

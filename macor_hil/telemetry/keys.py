@@ -64,6 +64,7 @@ CONTROLLER_KEYS: Final = (
         "",
         "`stopping`",
         Stop,
+        acts=True,
     ),
     Key(CONTROLLER, ALIVE, "Liveliness token: there while the controller runs."),
 )

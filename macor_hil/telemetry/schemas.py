@@ -155,7 +155,9 @@ class Fields(Payload):
     )
     width: float = Field(gt=0.0, le=100.0, description="standard deviation of a profile, radians")
     channels: list[Name] = Field(
-        max_length=MOST_CHANNELS, description="opponent channels, in the order of the features"
+        min_length=1,
+        max_length=MOST_CHANNELS,
+        description="opponent channels, in the order of the features",
     )
 
 
@@ -183,7 +185,7 @@ class Learned(Payload):
     situations: Count = Field(description="visual situations that the map knows")
     transitions: Count = Field(description="transitions between neurons that have occurred")
     commands: Annotated[list[Command], FailFast()] = Field(
-        max_length=MOST_COMMANDS, description="in the order of neurons"
+        min_length=1, max_length=MOST_COMMANDS, description="in the order of neurons"
     )
     fields: Fields
     eye: Eye

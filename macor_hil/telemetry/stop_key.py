@@ -48,29 +48,28 @@ class StopKey:
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:
-            if self._is_meant(query.key_expr, query.payload):
+            if str(query.key_expr) != self._key:
+                return  # somebody looks at what there is, and means no harm
+            if _says_so(query.payload):
                 self._stop("the stop key")
                 query.reply(self._key, "stopping", encoding=zenoh.Encoding.TEXT_PLAIN)
             else:
-                query.reply_err(
-                    f"{self._key} ends the run; to do so, ask this very key with the payload"
-                    f" {_REQUEST}",
-                    encoding=zenoh.Encoding.TEXT_PLAIN,
-                )
+                reason = f"{self._key} ends the run, if it is asked with the payload {_REQUEST}"
+                query.reply_err(reason, encoding=zenoh.Encoding.TEXT_PLAIN)
 
     def _hear(self, sample: zenoh.Sample) -> None:
-        if self._is_meant(sample.key_expr, sample.payload):
+        if str(sample.key_expr) == self._key and _says_so(sample.payload):
             self._stop("the stop key")
 
-    def _is_meant(self, key: zenoh.KeyExpr, payload: zenoh.ZBytes | None) -> bool:
-        """Return whether somebody wants the run to end, rather than looks at all keys."""
-        if str(key) != self._key or payload is None or len(payload) > _LONGEST:
-            return False
-        try:
-            Stop.parse(payload.to_bytes())
-        except PayloadError:
-            return False
-        return True
+
+def _says_so(payload: zenoh.ZBytes | None) -> bool:
+    if payload is None:
+        return False
+    try:
+        Stop.parse(payload.to_bytes(), _LONGEST)
+    except PayloadError:
+        return False
+    return True
 
 
 def ask_to_stop(session: zenoh.Session, robot: str) -> None:

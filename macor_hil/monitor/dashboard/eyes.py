@@ -137,7 +137,7 @@ def _seen(fields: Fields, features: list[float], top: float) -> list[str]:
         )
     for channel, name in enumerate(fields.channels):
         y = top + (channel + 0.72) * height
-        short = "-".join(part[0] for part in name.split("-"))
+        short = "-".join(part[:1] for part in name.split("-"))
         shapes.append(label(-4, y, short, tip(name), font_size=9, text_anchor="end"))
     return shapes
 
