@@ -1,5 +1,6 @@
 """Command line of the controller: `macor-hil`."""
 
+import logging
 import signal
 import sys
 from typing import Final
@@ -8,6 +9,7 @@ import typer
 
 from macor_hil.cli import driving, learning, measuring, ros, watching
 from macor_hil.errors import MacorError
+from protocol.text import PrintableFormatter, printable
 
 _FAILED: Final = 2
 
@@ -51,10 +53,13 @@ def main() -> None:
     signal.signal(signal.SIGTERM, interrupt)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, interrupt)
+    logs = logging.StreamHandler()
+    logs.setFormatter(PrintableFormatter("%(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[logs])
     try:
         app()
     except MacorError as error:
-        print(f"macor-hil: {error}", file=sys.stderr)  # noqa: T201
+        print(f"macor-hil: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         sys.exit(_FAILED)
     except (Exception, KeyboardInterrupt) as error:
         # a library that is being imported may have made an error of its own of the interrupt

@@ -46,6 +46,7 @@ from macor_hil.profile import load_profile
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
 from protocol.side_channel import DEFAULT_ENDPOINT, Reset
+from protocol.text import printable
 
 app = typer.Typer()
 
@@ -151,7 +152,7 @@ def train(
 
 def _ask(what: str) -> None:
     """Have the operator see to something; Ctrl-C ends the training, which can go on later."""
-    typer.prompt(f"\a{what}. Press Enter when done", default="", show_default=False)
+    typer.prompt(f"\a{printable(what)}. Press Enter when done", default="", show_default=False)
 
 
 @app.command(epilog="[cyan]macor-hil trials --map runs/corridor.npz --trials 20[/cyan]")

@@ -24,7 +24,8 @@ def status(watched: Watched, now: float) -> tuple[str, str]:
     seen = watched.controlled
     if not seen.alive:
         if not watched.emulated.alive:
-            return "waiting for a robot", "grey"
+            known = seen.met or watched.emulated.truth
+            return f"{'it has gone; ' if known else ''}waiting for a robot", "grey"
         client = watched.emulated.client(now)
         return f"robot there, {client or 'nobody drives it'}", "green" if client else "cyan"
     if seen.state is None:
