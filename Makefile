@@ -4,6 +4,7 @@
 #   make bench  speed, as ratios (ten minutes)
 #   make soak   long use of the serial line (ten minutes)
 #   make soak-service     an hour of service under random faults, ten times faster
+#   make soak-watchers    an hour of eight robots and all who watch them, five times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
 #   make stop-times       how long the robot rolls on when it must stop (ten minutes)
@@ -13,7 +14,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint bench soak soak-service pyserial-suite faults stop-times lock clean
+.PHONY: run test lint bench soak soak-service soak-watchers pyserial-suite faults stop-times lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -46,6 +47,9 @@ stop-times: $(READY)
 
 soak-service: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak_service.py
+
+soak-watchers: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/soak_watchers.py
 
 # NumPy and setuptools come first: where there is no wheel of PyBullet (CPython above 3.11), pip
 # builds it, and only with NumPy at hand it hands out pictures as arrays.

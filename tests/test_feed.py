@@ -1,8 +1,11 @@
 """What a feed takes of what comes over Zenoh: all of its robot, and nothing without bounds."""
 
+import subprocess
+import sys
 import time
 from contextlib import contextmanager
 from datetime import timedelta
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -10,6 +13,7 @@ from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wai
 from watching_helpers import a_life
 
 from macor_hil.monitor.watched import Watched
+from macor_hil.monitor.watcher import Watcher
 from macor_hil.telemetry.feed import Arrival, Feed, Loss, NotTaken, Presence, Refusal
 from macor_hil.telemetry.inbox import Inbox
 from macor_hil.telemetry.playing_times import in_playing_time
@@ -110,6 +114,36 @@ def test_a_time_stamp_of_the_far_future_makes_nothing_old():
         assert isinstance(feed.get(PATIENCE), Arrival)
         other.put(STATE, TEXT, timestamp=now)
         assert isinstance(feed.get(PATIENCE), Arrival)
+
+
+COMES_AND_GOES = """
+import sys, cv2, numpy
+from macor_hil.cameras import Frame
+from macor_hil.telemetry.publisher import Publisher
+from macor_hil.telemetry.session import open_session
+noise = numpy.random.default_rng(1).integers(0, 256, (100, 100, 3)).astype(numpy.uint8)
+with open_session([], [sys.argv[1]]) as session, Publisher(session, "khepera") as publisher:
+    for line in sys.stdin:
+        publisher.frame(Frame(noise, 0.0, 0))
+"""
+
+
+def test_a_watcher_keeps_no_descriptor_of_controllers_that_have_gone():
+    endpoint, open_files = free_endpoint(), []
+    with open_session([endpoint], []) as session, Watcher(session, "khepera") as watcher:
+        for _ in range(4):
+            command = [sys.executable, "-c", COMES_AND_GOES, endpoint]
+            with subprocess.Popen(command, stdin=subprocess.PIPE, text=True) as controller:
+                watcher.watched.frame = b""
+                while not watcher.watched.frame:  # more than what Zenoh would share memory for
+                    controller.stdin.write("frame\n")
+                    controller.stdin.flush()
+                    watcher.follow(0.1)
+                controller.stdin.close()
+            watcher.follow(PATIENCE, until=lambda: not watcher.watched.controlled.alive)
+            open_files.append(len(list(Path("/proc/self/fd").iterdir())))
+    assert len(watcher.watched.frame) > 3072
+    assert open_files[-1] <= open_files[1]
 
 
 def test_a_sender_faster_than_who_takes_loses_the_oldest_and_that_is_told():

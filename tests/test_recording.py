@@ -66,6 +66,45 @@ def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file):
         assert [log.message for log in logs] == ["H\\n", "h,262,263\\r\\n"]
 
 
+SIMPLE = {"boolean", "string", "number", "integer"}
+
+
+def fields_as_viewers_read(schema, place):
+    """The fields of a JSON Schema, by the rules of the parsers of Foxglove and Lichtblick.
+
+    Restated from `parseJsonSchema.ts`, which both have; anything else is an error there, and the
+    topic cannot be opened.
+    """
+    assert schema.get("type") == "object", place
+    fields = {}
+    for name, field in schema["properties"].items():
+        where = f"{place}.{name}"
+        assert "oneOf" not in field, where
+        items = field["items"] if field.get("type") == "array" else field
+        kind = items.get("type")
+        assert isinstance(kind, str), where
+        if kind == "string":
+            assert "contentEncoding" not in items, where
+        assert kind in SIMPLE or kind == "object", f"{where}: {kind}"
+        fields[name] = fields_as_viewers_read(items, where) if kind == "object" else kind
+    return fields
+
+
+def test_the_parsers_of_viewers_read_every_json_topic(file):
+    with file.open("rb") as stream:
+        topics = {}
+        for schema, channel, message in make_reader(stream).iter_messages():
+            if schema.encoding == "jsonschema":
+                fields = fields_as_viewers_read(json.loads(schema.data), channel.topic)
+                assert set(json.loads(message.data)) <= set(fields)
+                topics[channel.topic] = fields
+    assert len(topics) == 9
+    corners = topics["khepera/khepera/arena"]["solids"]["corners"]
+    assert corners == {"x": "number", "y": "number"}
+    alternatives = topics["macor/khepera/decision"]["alternatives"]
+    assert alternatives == {"command": "string", "evaluation": "number"}
+
+
 def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path):
     odd = Arrival(EMULATOR, "truth", b'{"future":1}', "application/json", None, BEGIN)
     with Recorder(tmp_path / "x", "khepera") as recorder:
