@@ -10,12 +10,13 @@ PATIENCE = 60.0
 
 
 @contextmanager
-def dashboard(*arguments):
-    """A dashboard process; gives its address."""
+def dashboard(*arguments, code=""):
+    """A dashboard process, or that of some code in its place; gives its address."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [sys.executable, "-u", "-m", "macor_hil.cli", "dashboard", "--port", str(port)]
+    program = ["-c", code] if code else ["-m", "macor_hil.cli"]
+    command = [sys.executable, "-u", *program, "dashboard", "--port", str(port)]
     # NiceGUI serves its own tests when it finds itself in pytest
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
     with subprocess.Popen(

@@ -107,6 +107,40 @@ def test_a_robot_appears_drives_goes_and_comes_again(browser):
     assert hosts(browser) == {"127.0.0.1"}
 
 
+BROKEN = """
+import sys
+from macor_hil.monitor.dashboard import charts
+def infrared(readings):
+    raise ZeroDivisionError("a defect")
+charts.infrared = infrared
+from macor_hil.cli import main
+main()
+"""
+
+
+def test_a_page_whose_drawing_fails_says_so(browser):
+    with dashboard("--connect", free_endpoint(), code=BROKEN) as address:
+        visit(browser, address)
+        until(browser, says("the page failed 1 times, please report it: ZeroDivisionError"))
+        assert says("waiting for a robot")(browser)
+
+
+def test_every_page_plays_a_recording_for_itself(browser, recording):
+    with dashboard(str(recording)) as address:
+        visit(browser, address)
+        until(browser, says("of 40 commands"))
+        first = browser.current_window_handle
+        browser.execute_script("document.querySelector('button').click()")
+        until(browser, lambda driver: "PLAY" in text_of_button(driver).upper())
+        browser.switch_to.new_window("tab")
+        visit(browser, address)
+        until(browser, says("of 40 commands"))
+        assert "PAUSE" in text_of_button(browser).upper()
+        browser.close()
+        browser.switch_to.window(first)
+        assert "PLAY" in text_of_button(browser).upper()
+
+
 def hosts(browser):
     """Where the page asked for anything."""
     log = "".join(each["message"] for each in browser.get_log("performance"))

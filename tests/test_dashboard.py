@@ -1,5 +1,6 @@
 """The dashboard's drawings and words, and scrubbing through a recording; no browser here."""
 
+import logging
 import xml.etree.ElementTree as ElementTree
 from math import radians
 
@@ -8,6 +9,7 @@ from controller_helpers import a_decision, a_state
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts
+from macor_hil.monitor.dashboard.failures import Failures, OnceEach
 from macor_hil.monitor.dashboard.sources import Player
 from macor_hil.monitor.watched import Controlled, Emulated, Watched
 from macor_hil.telemetry.examples import EXAMPLES
@@ -150,6 +152,23 @@ def test_text_from_elsewhere_stays_text():
         assert "<script" not in draw(watched)
 
 
+def test_what_fails_in_the_page_is_counted_and_logged_once(caplog):
+    failures, log = Failures(), logging.getLogger("page under test")
+    log.addFilter(OnceEach())
+    assert failures.words() == ""
+    for _ in range(3):
+        try:
+            charts.columns(a_decision(), None).index("\x1b[31m")
+        except ValueError as error:
+            failures.add(error)
+            log.exception("again")
+    assert failures.words().startswith("the page failed 3 times, please report it: ValueError: ")
+    assert len(caplog.records) == 1
+    log.warning("something else")
+    log.warning("something else")
+    assert len(caplog.records) == 3
+
+
 def test_the_status_tells_who_is_there():
     watched = Watched("khepera")
     assert texts.status(watched, 0.0)[0] == "waiting for a robot"
@@ -178,7 +197,7 @@ def test_a_program_on_the_line_is_not_nobody():
     watched.emulated.place(EXAMPLES[Truth])
     assert texts.status(watched, 60.0)[0] == driven
     watched.emulated.alive = False
-    assert texts.status(watched, 60.0)[0] == "waiting for a robot"
+    assert texts.status(watched, 60.0)[0] == "it has gone; waiting for a robot"
 
 
 def test_nothing_of_a_robot_that_has_gone_looks_alive():

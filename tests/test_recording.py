@@ -218,6 +218,27 @@ def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
             assert make_reader(stream).get_summary() is not None
 
 
+def test_a_recorder_tells_what_it_did_not_take(tmp_path):
+    path, endpoint = tmp_path / "x.mcap", free_endpoint()
+    process = record_process(path, endpoint)
+    try:
+        with open_session([endpoint], []) as session:
+            wait_until_watched(session, "macor/khepera/state")
+            session.put("macor/*/state", "for everybody")
+            session.put(
+                "macor/khepera/state", "{}", attachment='{"sequence":1099511627776,"time":0}'
+            )
+            wait_until_watched(session, "macor/khepera/frame")
+            session.put("macor/khepera/frame", a_picture())
+            wait_until(lambda: pictures_in(path))
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+        process.wait()
+    assert "1 samples; 2 refused; the last one of state: its stamp cannot be read: sequence" in said
+
+
 def wait_until(condition):
     end = time.monotonic() + PATIENCE
     while not condition():

@@ -2,12 +2,14 @@
 
 import base64
 import http.client
+import json
 import os
 import socket
 import time
 from urllib.parse import urlsplit
 
 import pytest
+from controller_helpers import free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,6 +17,10 @@ from hypothesis import strategies as st
 pytest.importorskip("nicegui")
 
 from macor_hil.monitor.dashboard.guard import NAMES, is_ours
+from macor_hil.telemetry.examples import EXAMPLES
+from macor_hil.telemetry.keys import KEYS
+from macor_hil.telemetry.schemas import Learned
+from macor_hil.telemetry.session import open_session
 
 SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport="
 PATHS = ["/", f"{SOCKET}polling", "/_nicegui/", "/nowhere"]
@@ -40,10 +46,41 @@ OURS = ["127.0.0.1:{port}", "localhost:{port}", "[::1]:{port}", "LOCALHOST:9000"
 def port():
     with dashboard("--connect", "tcp/127.0.0.1:9") as address:
         number = urlsplit(address).port
-        end = time.monotonic() + PATIENCE
-        while socket.socket().connect_ex(("127.0.0.1", number)):
-            assert time.monotonic() < end
+        wait_for(number)
         yield number
+
+
+def test_samples_of_no_robot_neither_stop_nor_swell_the_dashboard(hostile):
+    endpoint = free_endpoint()
+    value = json.loads(EXAMPLES[Learned].model_dump_json())
+    value["fields"]["sectors"] = 100_000
+    sectors = json.dumps(value)
+    keys = [f"{key.side}/khepera/{key.leaf}" for key in KEYS if key.published]
+    evil = [
+        (key, data)
+        for key in (*keys, "**", "macor/**", "khepera/*/truth")
+        for data in (sectors, "{}", "[" * 100_000, "9" * 100_000, "\x1b[2J", b"\xff" * 1000)
+    ]
+    with (
+        open_session([endpoint], []) as session,
+        dashboard("--connect", endpoint) as address,
+    ):
+        wait_until_watched(session, "macor/khepera/map")
+        number = urlsplit(address).port
+        wait_for(number)
+        for key, data in evil:
+            hostile.count("page")
+            session.put(key, data)
+        status, body = ask(number, "/", [f"127.0.0.1:{number}"])
+        assert (status, b"macor-hil" in body) == (200, True)
+        assert open_websocket(number, f"127.0.0.1:{number}") == 101
+
+
+def wait_for(port):
+    """Return when the page is served."""
+    end = time.monotonic() + PATIENCE
+    while socket.socket().connect_ex(("127.0.0.1", port)):
+        assert time.monotonic() < end
 
 
 def ask(port, path, hosts, method="GET", **headers):
