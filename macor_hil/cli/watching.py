@@ -107,8 +107,8 @@ def replay(
 
     name, events = read_recording(file)
     with open_session(listen, [], zenoh_config) as session, Stage(session, robot or name) as stage:
-        play(events, stage, speed)
-    typer.echo(f"{file}: {len(events)} events of {printable(name)}")
+        count = play(events, stage, speed)
+    typer.echo(f"{file}: {count} events of {printable(name)}")
 
 
 @app.command(

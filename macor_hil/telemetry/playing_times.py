@@ -4,7 +4,7 @@ A recording made while the wall clock was set has times that go back, or on by a
 to wait for a silence of hours either.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -14,9 +14,8 @@ LONGEST_SILENCE: Final = 60
 """Seconds between two events at most."""
 
 
-def in_playing_time(events: Iterable[Event]) -> list[Event]:
-    """Return events whose times never go back, and on by a minute at most."""
-    straight: list[Event] = []
+def in_playing_time(events: Iterable[Event]) -> Iterator[Event]:
+    """Yield events with times that never go back, and on by a minute at most."""
     shift, last = 0, None
     for event in events:
         when = event.received - shift
@@ -24,5 +23,4 @@ def in_playing_time(events: Iterable[Event]) -> list[Event]:
             step = min(max(when - last, 0), LONGEST_SILENCE * 1_000_000_000)
             shift, when = event.received - last - step, last + step
         last = when
-        straight.append(event if when == event.received else replace(event, received=when))
-    return straight
+        yield event if when == event.received else replace(event, received=when)

@@ -6,7 +6,7 @@ the latest at that moment.
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
 from typing import Final, Self
@@ -26,28 +26,31 @@ _NS: Final = 1e-9
 
 
 def replay(
-    events: Sequence[Event],
+    events: Iterable[Event],
     stage: "Stage",
     speed: float = 1.0,
     *,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
-) -> None:
-    """Publish events at the distances that they have; see `in_playing_time`.
+) -> int:
+    """Publish events at the distances that they have (see `in_playing_time`); returns their number.
 
     Args:
-        events: what was recorded, in its order.
+        events: what was recorded, in its order; taken one by one.
         stage: where to.
         speed: how many times faster.
         clock: seconds.
         sleep: waits for so many of them.
     """
-    begin, first = clock(), events[0].received
+    begin, first, count = clock(), 0, 0
     for event in in_playing_time(events):
+        first = event.received if count == 0 else first
         due = begin + (event.received - first) * _NS / speed
         if (left := due - clock()) > 0.0:
             sleep(left)
         stage.show(event)
+        count += 1
+    return count
 
 
 class Stage:

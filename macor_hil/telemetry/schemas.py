@@ -149,15 +149,13 @@ class Fields(Payload):
     """Receptive fields around the robot: Gaussian profiles over azimuth."""
 
     sectors: int = Field(
-        ge=1,
+        ge=0,
         le=MOST_SECTORS,
-        description="how many, evenly around, clockwise from straight behind",
+        description="how many, evenly around, clockwise from straight behind; 0: other eyes",
     )
-    width: float = Field(gt=0.0, le=100.0, description="standard deviation of a profile, radians")
+    width: float = Field(ge=0.0, le=100.0, description="standard deviation of a profile, radians")
     channels: list[Name] = Field(
-        min_length=1,
-        max_length=MOST_CHANNELS,
-        description="opponent channels, in the order of the features",
+        max_length=MOST_CHANNELS, description="opponent channels, in the order of the features"
     )
 
 

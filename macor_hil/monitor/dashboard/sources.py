@@ -87,7 +87,7 @@ class Player:
         self.watched = Watched(robot)
         self.playing = True
         self.speed = 1.0
-        self._events = in_playing_time(events)
+        self._events = list(in_playing_time(events))
         first = self._events[0].received
         self._times = [(event.received - first) * _NS for event in self._events]
         self.duration = self._times[-1]
