@@ -5,6 +5,7 @@
 #   make hostile  bad inputs at every edge, forty times as many as in make test (minutes)
 #   make soak   long use of the serial line (ten minutes)
 #   make soak-service     an hour of service under random faults, ten times faster
+#   make soak-watchers    an hour of eight robots and all who watch them, five times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
 #   make stop-times       how long the robot rolls on when it must stop (ten minutes)
@@ -14,7 +15,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint hostile bench soak soak-service pyserial-suite faults stop-times lock clean
+.PHONY: run test lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -50,6 +51,9 @@ stop-times: $(READY)
 
 soak-service: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak_service.py
+
+soak-watchers: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/soak_watchers.py
 
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -1,12 +1,12 @@
 """One live run: drives by a map, counts, publishes, and gets over failures of robot and camera."""
 
 import logging
-import time
 from collections.abc import Callable
 from types import TracebackType
 from typing import Final, Self
 
 import numpy as np
+from pydantic import ValidationError
 
 from macor_hil.agent import Agent, Step
 from macor_hil.brain import Brain
@@ -27,7 +27,9 @@ from macor_hil.standstill import standing_on_failure
 from macor_hil.telemetry.decisions import decision_of, learned_of, link_of
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
 from macor_hil.telemetry.schemas import Decision, Odometry, Phase, State
+from macor_hil.telemetry.steady_clock import SteadyClock
 from macor_hil.trials import drive
+from protocol.side_channel import MOST_TEXT, first_fault
 
 _log = logging.getLogger(__name__)
 
@@ -79,8 +81,8 @@ class LiveRun:
         self._odometry = Odometry(pose=config.start, counters=(0, 0))
         self._in_a_row = 0
         # an embedded robot's clock begins when its port is opened
-        self._clock: Callable[[], float] = time.time
-        self._time = 0.0 if is_embedded(config.port) else time.time()
+        self._clock: Callable[[], float] = SteadyClock().seconds
+        self._time = 0.0 if is_embedded(config.port) else self._clock()
 
     def __enter__(self) -> Self:
         self._say(Phase.STARTING)
@@ -195,25 +197,27 @@ class LiveRun:
     def _tell_map(self, brain: Brain) -> None:
         self._time = self._clock()
         if self._publisher:
-            self._publisher.learned(learned_of(brain), self._time)
+            with _telling():
+                self._publisher.learned(learned_of(brain), self._time)
 
     def _count(self, step: Step, brain: Brain) -> None:
         self.total += step.reinforcement
         self._odometry = self._advance(step.outcome.counters)
-        decision = decision_of(
-            step,
-            fields=brain.fields,
-            time=self._time,
-            sequence=self.driven,
-            total_reinforcement=self.total,
-            odometry=self._odometry,
-        )
-        self.driven += 1
-        if self._publisher:
-            self._publisher.decision(decision)
-        self._say(Phase.DRIVING)
-        if self._on_step:
-            self._on_step(decision)
+        sequence, self.driven = self.driven, self.driven + 1
+        with _telling():
+            decision = decision_of(
+                step,
+                fields=brain.fields,
+                time=self._time,
+                sequence=sequence,
+                total_reinforcement=self.total,
+                odometry=self._odometry,
+            )
+            if self._publisher:
+                self._publisher.decision(decision)
+            self._say(Phase.DRIVING)
+            if self._on_step:
+                self._on_step(decision)
 
     def _advance(self, counters: tuple[int, int]) -> Odometry:
         before = self._odometry
@@ -223,17 +227,27 @@ class LiveRun:
     def _say(self, phase: Phase, reason: str = "") -> None:
         if self._publisher is None:
             return
-        state = State(
-            phase=phase,
-            planner=self._config.planner,
-            port=self._config.port,
-            camera=self._config.camera,
-            map=str(self._config.map_file),
-            driven=self.driven,
-            limit=self._config.commands,
-            reason=reason,
-        )
-        self._publisher.state(state, self._time)
+        with _telling():
+            state = State(
+                phase=phase,
+                planner=self._config.planner[:MOST_TEXT],
+                port=self._config.port[:MOST_TEXT],
+                camera=self._config.camera[:MOST_TEXT],
+                map=str(self._config.map_file)[:MOST_TEXT],
+                driven=self.driven,
+                limit=self._config.commands,
+                reason=reason[:MOST_TEXT],
+            )
+            self._publisher.state(state, self._time)
+
+
+@contextmanager
+def _telling() -> Iterator[None]:
+    """Log what is out of the bounds of its payload: a robot drives on though nobody hears of it."""
+    try:
+        yield
+    except ValidationError as error:
+        _log.warning("something could not be told: %s", first_fault(error))
 
 
 class _TimedPlanner:

@@ -19,6 +19,7 @@ from macor_hil.telemetry.stop_key import ask_to_stop
 
 pytestmark = pytest.mark.wall_clock
 
+REQUEST = '{"stop": true}'
 LIMIT = 0.5
 """Seconds; what the controller promises."""
 
@@ -143,8 +144,9 @@ def test_a_stop_request_stops_the_robot(bench, map_file):
 def test_the_stop_key_is_off_unless_asked_for(bench, map_file):
     controller = drive(bench, map_file)
     with open_session([], [bench.controller_endpoint]) as session:
-        session.put("macor/khepera/stop", "now")
-        assert not [reply for reply in session.get("macor/khepera/stop", timeout=2.0) if reply.ok]
+        session.put("macor/khepera/stop", REQUEST)
+        replies = session.get("macor/khepera/stop", payload=REQUEST, timeout=2.0)
+        assert not [reply for reply in replies if reply.ok]
     controller.wait_for_steps(2)
 
 

@@ -54,6 +54,7 @@ from macor_hil.service import find_planner
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
 from protocol.side_channel import DEFAULT_ENDPOINT, Reset
+from protocol.text import printable
 
 app = typer.Typer()
 
@@ -173,7 +174,7 @@ def train(
 
 def _ask(bar: Bar, what: str) -> None:
     """Have the operator see to something; Ctrl-C ends the training, which can go on later."""
-    bar.ask(f"\a{what}. Press Enter when done")
+    bar.ask(f"\a{printable(what)}. Press Enter when done")
 
 
 def _what_is_kept(map_file: Path, schedule: Schedule) -> str:

@@ -23,6 +23,7 @@ from macor_hil.telemetry.outbox import Outbox
 from macor_hil.telemetry.schemas import Decision, Learned, Link, State
 from macor_hil.telemetry.session import check_robot_name
 from protocol.keys import CONTROLLER, DESCRIBE, SCHEMA_MEDIA_TYPE, schema_name
+from protocol.schema import schema_of
 from protocol.side_channel import Payload, Stamp, controller_key
 
 SCHEMA_ENCODING: Final = zenoh.Encoding(SCHEMA_MEDIA_TYPE)
@@ -187,8 +188,8 @@ class _JsonKey(Generic[_P]):
     def _answer(self, query: zenoh.Query) -> None:
         with query:
             if DESCRIBE in query.parameters:
-                schema = self._kind.model_json_schema()
-                query.reply(self._key, json.dumps(schema), encoding=SCHEMA_ENCODING)
+                schema = json.dumps(schema_of(self._kind))
+                query.reply(self._key, schema, encoding=SCHEMA_ENCODING)
             elif self._latest is None:
                 query.reply_err(
                     f"no {self._kind.__name__.lower()} yet", encoding=zenoh.Encoding.TEXT_PLAIN

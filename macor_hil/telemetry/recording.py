@@ -32,6 +32,7 @@ from macor_hil.telemetry.foxglove import drawings
 from macor_hil.telemetry.keys import ALIVE, KEYS, PAYLOADS
 from macor_hil.telemetry.mcap_file import Damage, Message, read_messages
 from protocol.keys import schema_name
+from protocol.schema import schema_of
 from protocol.side_channel import Payload, Stamp
 
 _CHUNK: Final = 16 * 1024
@@ -170,7 +171,7 @@ class Recorder:
         if topic not in self._channels:
             name = schema_name(side, payload)
             if name not in self._schemas:
-                schema = json.dumps(payload.model_json_schema()).encode()
+                schema = json.dumps(schema_of(payload)).encode()
                 self._schemas[name] = self._writer.register_schema(name, "jsonschema", schema)
             self._channels[topic] = self._writer.register_channel(
                 topic, "json", self._schemas[name]

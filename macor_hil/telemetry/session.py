@@ -3,13 +3,19 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 import zenoh
 
 from macor_hil.errors import TelemetryError
-from protocol.zenoh_config import zenoh_config
+from protocol import zenoh_session
+from protocol.text import printable
+from protocol.zenoh_session import EndpointInUseError, SessionError
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
+
+_MOST_REASON: Final = 300
+"""Characters of a reason that a peer gives."""
 
 
 def open_session(
@@ -25,30 +31,23 @@ def open_session(
     Raises:
         TelemetryError: an endpoint is malformed or in use, or the file cannot be used.
     """
-    if file is not None:
-        return _open_from(file)
     try:
-        return zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect)))
-    except zenoh.ZError as error:
-        if "Address already in use" in str(error):
-            raise TelemetryError(
-                f"another program, perhaps another controller, listens on {', '.join(listen)}"
-                " already; end it or give another --listen endpoint"
-            ) from None
-        # the library's text ends with places in its own source
-        reason = str(error).partition(" at /")[0]
+        return zenoh_session.open_session(listen, connect, file)
+    except EndpointInUseError as error:
         raise TelemetryError(
-            f"cannot open a Zenoh session on {', '.join([*listen, *connect])}: {reason}; an"
-            " endpoint looks like tcp/127.0.0.1:7448"
+            f"{error}, perhaps another controller; end it or give another --listen endpoint"
         ) from None
+    except SessionError as error:
+        hint = "" if file else "; an endpoint looks like tcp/127.0.0.1:7448"
+        raise TelemetryError(f"{error}{hint}") from None
 
 
-def _open_from(file: Path) -> zenoh.Session:
-    try:
-        return zenoh.open(zenoh.Config.from_file(str(file)))
-    except zenoh.ZError as error:
-        reason = str(error).partition(" at /")[0]
-        raise TelemetryError(f"cannot open a Zenoh session as {file} says: {reason}") from None
+def refusal(reply: zenoh.Reply) -> str:
+    """Return the reason that a peer gives for not answering a query."""
+    if reply.err is None:
+        return "no reason given"
+    reason = reply.err.payload.to_bytes()[:_MOST_REASON]
+    return printable(reason.decode(errors="backslashreplace"))
 
 
 def check_robot_name(name: str) -> None:

@@ -68,10 +68,9 @@ def panorama(watched: Watched) -> str:
     height: float = rows + _CAPTION
     if learned:
         shapes += _profiles(learned.fields)
-        if decision and len(decision.features) == learned.fields.sectors * len(
-            learned.fields.channels
-        ):
-            shapes += _seen(learned.fields, decision.features, rows + _CAPTION)
+        features = decision.features if decision else []
+        if features and len(features) == learned.fields.sectors * len(learned.fields.channels):
+            shapes += _seen(learned.fields, features, rows + _CAPTION)
             height += _FIELD_ROWS
     for share, text in ((0.0, "behind"), (0.25, "left"), (0.5, "ahead"), (0.75, "right")):
         shapes.append(label(share * columns + 3, rows + 11, text, font_size=9))
@@ -139,7 +138,7 @@ def _seen(fields: Fields, features: list[float], top: float) -> list[str]:
         )
     for channel, name in enumerate(fields.channels):
         y = top + (channel + 0.72) * height
-        short = "-".join(part[0] for part in name.split("-"))
+        short = "-".join(part[:1] for part in name.split("-"))
         shapes.append(label(-4, y, short, tip(name), font_size=9, text_anchor="end"))
     return shapes
 
