@@ -73,18 +73,19 @@ _PICTURE = np.random.default_rng(1).integers(0, 255, (160, 160, 3), np.uint8)
 
 
 class Drive:
-    """A program on a terminal of its own; the rig ends it if nothing else has.
+    """A program on a terminal of its own.
 
     Args:
-        rig: whose robot it drives.
+        controllers: where to put it, for its end.
         command: the program.
         output: whether its standard output is a pipe instead, which can be closed.
     """
 
-    def __init__(self, rig, command, *, output=False):
+    def __init__(self, controllers, command, *, output=False, **popen):
         self._master, terminal = os.openpty()
         self._output, given = os.pipe() if output else (None, terminal)
         self._closing = False
+        self._came = threading.Condition()
         # a terminal that nobody reads from would hold up who writes to it
         self._reader = threading.Thread(target=self._read, daemon=True)
 
@@ -93,13 +94,18 @@ class Drive:
             fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
 
         self.process = subprocess.Popen(
-            command, stdin=terminal, stdout=given, stderr=terminal, preexec_fn=take_the_terminal
+            command,
+            stdin=terminal,
+            stdout=given,
+            stderr=terminal,
+            preexec_fn=take_the_terminal,
+            **popen,
         )
         self.said = b""
         self._reader.start()
         for descriptor in {terminal, given}:
             os.close(descriptor)
-        rig.controllers.append(self)
+        controllers.append(self)
 
     def signal(self, number):
         os.kill(self.process.pid, number)
@@ -111,6 +117,15 @@ class Drive:
     def close_output(self):
         os.close(self._output)
         self._output = None
+
+    def wait_for(self, words):
+        """Return when it has said something, at the end of a line or not."""
+        with self._came:
+            assert self._came.wait_for(lambda: words in self.said, PATIENCE), self.said
+
+    def answer(self, line):
+        """Type a line, or a key such as Ctrl-C."""
+        os.write(self._master, line)
 
     def wait(self):
         """Its exit status."""
@@ -128,9 +143,13 @@ class Drive:
         poll.register(self._master, select.POLLIN)
         while not self._closing:
             try:
-                self.said += os.read(self._master, 4096) if poll.poll(_LOOK) else b""
+                came = os.read(self._master, 4096) if poll.poll(_LOOK) else b""
             except OSError:  # nobody is at the other end any more
                 time.sleep(_LOOK / 1000)
+                continue
+            with self._came:
+                self.said += came
+                self._came.notify_all()
         os.close(self._master)
 
 

@@ -166,7 +166,7 @@ def test_no_way_out_of_any_program_leaves_the_robot_driving(bench, map_file, pro
 
     def end():
         bench.make_ready()
-        drives.append(Drive(bench, programs(bench, map_file)[program]))
+        drives.append(Drive(bench.controllers, programs(bench, map_file)[program]))
         bench.wait_until_moving()
         WAYS_OUT[way](drives[-1])
 
@@ -181,7 +181,7 @@ def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file):
 
     def end():
         bench.make_ready()
-        drives.append(Drive(bench, programs(bench, map_file)["run"], output=True))
+        drives.append(Drive(bench.controllers, programs(bench, map_file)["run"], output=True))
         bench.wait_until_moving()
         drives[-1].close_output()
 

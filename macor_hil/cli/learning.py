@@ -134,8 +134,8 @@ def train(
     if measured.mirror:
         settings = replace(settings, mirror=measured.mirror)
     with (
-        claim(map_file),
         kept(lambda: _what_is_kept(map_file, schedule)),
+        claim(map_file),
         signals_taken_over() as interruption,
         hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware,
         progress_bar(schedule.commands) as count,
@@ -173,7 +173,7 @@ def _ask(bar: Bar, what: str) -> None:
 def _what_is_kept(map_file: Path, schedule: Schedule) -> str:
     commands = commands_kept(map_file, schedule)
     if not commands:
-        return f"fewer than {schedule.tuning} commands were driven, and nothing is kept of them"
+        return "there was no checkpoint yet, and nothing is kept"
     return (
         f"{commands} of {schedule.commands} commands are kept in {checkpoint_path(map_file)}; the"
         " same command goes on from there"
