@@ -23,9 +23,9 @@ _MOST: Final = 300
 class Outbox:
     """Carries out actions in a thread of its own; use as a context, whose end waits for the rest.
 
-    An action that fails by Zenoh, as telemetry may, or by a payload out of its bounds is logged, and
-    the next one follows: nobody stops a robot because nobody hears of it. Any other failure is a defect. It ends the thread, and
-    `check` says so.
+    An action that fails by Zenoh, as telemetry may, or by a payload out of its bounds is logged,
+    and the next one follows: nobody stops a robot because nobody hears of it. Any other failure is
+    a defect. It ends the thread, and `check` says so.
     """
 
     def __init__(self) -> None:
