@@ -7,6 +7,7 @@ import pytest
 
 from macor_hil.errors import TelemetryError
 from macor_hil.telemetry.outbox import Outbox
+from protocol.side_channel import Stamp
 
 
 def test_everything_is_carried_out_in_order_before_the_end():
@@ -27,6 +28,15 @@ def test_nobody_waits_for_what_takes_long():
         assert not done
         go.set()
     assert done[0] is not threading.current_thread()
+
+
+@pytest.mark.parametrize("value", [-1, None])
+def test_a_payload_out_of_bounds_is_a_failure_and_no_defect(value, caplog):
+    with Outbox() as outbox:
+        outbox.carry_out(lambda: Stamp(sequence=value, time=0.0))
+    outbox._thread.join(30)
+    assert "could not be told" in caplog.text
+    assert "has failed" not in outbox._thread.ended()
 
 
 def test_a_failure_is_logged_and_the_next_one_is_carried_out(caplog):

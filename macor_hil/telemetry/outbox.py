@@ -6,6 +6,7 @@ from queue import SimpleQueue
 from typing import Final, Self
 
 import zenoh
+from pydantic import ValidationError
 
 from macor_hil.errors import TelemetryError
 from macor_hil.helper_thread import HelperThread
@@ -22,9 +23,9 @@ _MOST: Final = 300
 class Outbox:
     """Carries out actions in a thread of its own; use as a context, whose end waits for the rest.
 
-    An action that fails by Zenoh or as telemetry may is logged, and the next one follows: nobody
-    stops a robot because nobody hears of it. Any other failure is a defect. It ends the thread, and
-    `check` says so.
+    An action that fails by Zenoh, as telemetry may, or by a payload out of its bounds is logged,
+    and the next one follows: nobody stops a robot because nobody hears of it. Any other failure is
+    a defect. It ends the thread, and `check` says so.
     """
 
     def __init__(self) -> None:
@@ -66,5 +67,5 @@ class Outbox:
         while action := self._actions.get():
             try:
                 action()
-            except (zenoh.ZError, TelemetryError):
+            except (zenoh.ZError, TelemetryError, ValidationError):
                 _log.exception("something could not be told")
