@@ -92,9 +92,7 @@ class Service:
         }
         _train(self._map)
         before = _children()
-        settings = DemoSettings(
-            self._map, folder / "khepera", arena=_ARENA, seed=_SEED, emulator=_EMULATOR
-        )
+        settings = DemoSettings(self._map, arena=_ARENA, seed=_SEED, emulator=_EMULATOR)
         self._port = stack.enter_context(emulator_process(settings))
         (self._emulator,) = _children() - before
         session = stack.enter_context(open_session([], [_EMULATOR]))

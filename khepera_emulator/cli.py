@@ -13,20 +13,22 @@ from typing import Annotated, Final
 
 import typer
 
-from khepera_emulator.arena import MOST_ROBOTS, arena_names, load_arena
+from khepera_emulator.arena import MOST_ROBOTS, Arena, arena_names, load_arena
 from khepera_emulator.choices import option_names, parse_choices
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.faults import parse_fault, script_specs
 from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.models import KHEPERA, MODELS, find_model
+from khepera_emulator.models import KHEPERA, MODELS, Model, find_model
 from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.terminal import FIRST_RATE
-from khepera_emulator.wire_log import WireLog, read_log, robot_url
+from khepera_emulator.starts import check_starts
+from khepera_emulator.wire_log import ROBOT, Recording, WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
+from protocol.text import PrintableFormatter, printable
 from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
@@ -201,9 +203,9 @@ def run(
 
     Prints one line for each robot: its name, its terminal or URL, and the link to it.
     """
-    logging.basicConfig(
-        level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
-    )
+    handler = logging.StreamHandler()
+    handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=log_level.upper(), handlers=[handler])
     load_physics()
     from khepera_emulator.daemon import Daemon
     from khepera_emulator.emulator import Setup, make_fleet
@@ -273,23 +275,31 @@ def arenas(
         str | None, typer.Argument(help="An arena's name, or path of a TOML file; all if absent.")
     ] = None,
     draw: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="PNG file to draw the named arena into.")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Picture to draw the named arena into: .png, .jpg, .svg or .pdf.",
+        ),
     ] = None,
+    model: Annotated[
+        str, typer.Option(help=f"Robot that must fit: {' or '.join(MODELS)}.")
+    ] = KHEPERA.name,
 ) -> None:
-    """List the arenas that come with the emulator, or draw one from above."""
+    """List the arenas that come with the emulator; check one as `run` does, draw it from above."""
+    robot = find_model(model)
     if draw is not None:
         if name is None:
             raise EmulatorError("--draw draws one arena: name it, or give the path of its file")
         from khepera_emulator.picture import draw_arena
 
-        draw_arena(load_arena(name), draw)
+        draw_arena(_checked(name, robot), draw, robot)
         return
     names = arena_names() if name is None else [name]
     width = max(map(len, names))
     for each in names:
-        arena = load_arena(each)
+        arena = _checked(each, robot)
         (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
-        typer.echo(f"{each:{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
+        typer.echo(f"{printable(each):{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
 
 
 @app.command()
@@ -313,7 +323,8 @@ def replay(
 ) -> None:
     """Play the requests of a wire log at their times, and compare the replies.
 
-    Exit status: 0 if all are equal, 1 at the first difference, which is printed.
+    Exit status: 0 if all are equal, 1 at the first difference, which is printed, 2 if the log is
+    damaged: what stands before the damage is replayed all the same.
     """
     import serial
 
@@ -322,7 +333,7 @@ def replay(
     from khepera_emulator.replay import replay as play
 
     recording = read_log(file)
-    url = port or recording.url
+    url = port or _recorded_robot(file, recording)
     try:
         with serial.serial_for_url(url, timeout=1.0) as line:
             result = play(recording, line, [word.strip() for word in ignore.split(",")])
@@ -332,6 +343,8 @@ def replay(
         typer.echo(str(result))
         raise typer.Exit(_DIFFERENT)
     typer.echo(f"{result} reply lines equal")
+    if recording.damage:
+        raise EmulatorError(f"{recording.damage}; only what stands before was replayed")
 
 
 def main() -> None:
@@ -339,8 +352,28 @@ def main() -> None:
     try:
         app(prog_name="khepera-emulator")
     except EmulatorError as error:
-        typer.echo(f"khepera-emulator: {error}", err=True)
+        typer.echo(f"khepera-emulator: {printable(str(error))}", err=True)
         sys.exit(_FAILED)
+
+
+def _checked(name: str, model: Model) -> Arena:
+    """An arena in which robots of a model can start."""
+    arena = load_arena(name)
+    try:
+        check_starts(arena, model)
+    except EmulatorError as error:
+        raise EmulatorError(f"the arena {name!r}: {error}") from None
+    return arena
+
+
+def _recorded_robot(file: Path, recording: Recording) -> str:
+    """The robot that a log names. A file may name an emulated one, and no device or file."""
+    if not recording.url.startswith(ROBOT):
+        raise EmulatorError(
+            f"{file} names {recording.url[:100]!r} as its robot, which is no emulated one"
+            f" ({ROBOT}...); give --port to replay it on a port of your own"
+        )
+    return recording.url
 
 
 def _parse_baud(text: str) -> int | None:

@@ -22,7 +22,7 @@ from khepera_emulator.firmware import Firmware
 from khepera_emulator.fleet import Fleet
 from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
-from khepera_emulator.places import Gap, check_room, pose_of, random_pose
+from khepera_emulator.places import Gap, anywhere, check_room, pose_of, random_pose
 from khepera_emulator.renderers.view import Image
 from khepera_emulator.robot import Robot
 from khepera_emulator.turrets import Equipment
@@ -220,19 +220,21 @@ class Emulator:
         fleet.assemble()
 
     def _choose(self, reset: Reset, gap: Gap, streams: _Streams) -> Pose:
+        inside = self._fleet.enclosure.holds
         if reset.random:
-            return random_pose(self.setup.arena.free, gap, streams.places)
+            return random_pose(self.setup.arena.free, gap, streams.places, inside)
         pose = reset.pose or self.start_pose
-        check_room(pose, gap)
+        check_room(pose, gap, inside)
         return pose
 
     def _find_start(self, rng: np.random.Generator) -> Pose:
         arena, gap = self.setup.arena, self._fleet.gap()
         starts = [arena.start, *arena.starts]
         if self._number >= len(starts):
-            return random_pose(arena.free, gap, rng)
+            return random_pose(arena.free, gap, rng, self._fleet.enclosure.holds)
         pose = pose_of(starts[self._number])
-        check_room(pose, gap)
+        # the first start says what the inside is
+        check_room(pose, gap, self._fleet.enclosure.holds if self._number else anywhere)
         return pose
 
     def _build(self, pose: Pose, streams: _Streams) -> None:

@@ -9,24 +9,21 @@ the robot met its targets. What scatters more from run to run counts less.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import cos, pi, sin
+from math import cos, hypot, isfinite, pi, sin
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from macor_hil.drive import DriveSettings
-from macor_hil.errors import RobotError
+from macor_hil.drive import Driver
+from macor_hil.errors import CalibrationError
 from macor_hil.odometry import Wheels, integrate
-from macor_hil.robot import Khepera
 from protocol.side_channel import Pose
 
 Array = NDArray[np.float64]
 Counters = tuple[int, int]
-
-_POLL: Final = 0.1
-_LONGEST: Final = 60.0
-"""Seconds that a leg may take."""
+End = tuple[float, float, float | None]
+"""Metres ahead of the mark and to the left of it; radians turned to the left, if measured."""
 
 _TURNS: Final = 5
 """Turns on the spot: a base that is 8 % wrong still shows as less than half a turn."""
@@ -34,8 +31,16 @@ _TURNS: Final = 5
 _FLOOR: Final = 0.0003
 """Metres by which a run scatters at least: a count or two."""
 
+_POSSIBLE: Final = 0.2
+"""Share by which wheels may differ from a Khepera's nominal ones: clients of real robots differ by
+4 % on the way of a count and by 8 % on the base."""
+
+_LEAST_ROOM: Final = 0.05
+"""Metres by which an end may always be beside where the move leads."""
+
 _STEP: Final = 1e-6
 _SMALL: Final = 1e-8
+_MOST_STEPS: Final = 100
 _WEIGHINGS: Final = 4
 _ORIGIN: Final = Pose(x=0.0, y=0.0, heading=0.0)
 
@@ -46,6 +51,38 @@ class Move:
 
     name: str
     legs: tuple[tuple[float, float], ...]
+
+    @property
+    def places(self) -> tuple[Pose, ...]:
+        """Where it leads, from the mark on: its beginning, and the end of every leg."""
+        poses = [_ORIGIN]
+        for way, turn in self.legs:
+            x, y, heading = poses[-1].x, poses[-1].y, poses[-1].heading
+            poses.append(
+                Pose(x=x + way * cos(heading), y=y + way * sin(heading), heading=heading + turn)
+            )
+        return tuple(poses)
+
+    def check_end(self, end: End) -> None:
+        """Refuse an end that no robot of nearly these wheels can have come to.
+
+        Raises:
+            CalibrationError: it is no place, or far from where the move leads.
+        """
+        x, y, turn = end
+        if not (isfinite(x) and isfinite(y) and isfinite(turn or 0.0)):
+            raise CalibrationError("a place has finite numbers")
+        there = self.places[-1]
+        room = max(_LEAST_ROOM, max(abs(way) for way, _ in self.legs) / 2)
+        apart = hypot(x - there.x, y - there.y)
+        if apart > room:
+            raise CalibrationError(
+                f"that is {1000 * apart:.0f} mm from where the move leads,"
+                f" {1000 * there.x:.0f} {1000 * there.y:.0f}, and {1000 * room:.0f} mm at most are"
+                " possible; millimetres ahead of the mark, and to the left of it (right: negative)"
+            )
+        if abs(turn or 0.0) > pi:
+            raise CalibrationError("a turn beyond whole moves is between -180 and 180 degrees")
 
 
 def moves(side: float) -> tuple[Move, ...]:
@@ -69,7 +106,7 @@ class Run:
 
     move: str
     counters: tuple[Counters, ...]
-    end: tuple[float, float, float | None]
+    end: End
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,27 +129,24 @@ class Calibration:
     after: float
 
 
-def drive_move(robot: Khepera, move: Move, settings: DriveSettings) -> tuple[Counters, ...]:
+def drive_move(driver: Driver, move: Move) -> tuple[Counters, ...]:
     """Drive a move from where the robot stands; counters after each leg.
 
     Raises:
-        RobotError: the robot does not answer, or does not get to the end of a leg.
+        RobotError: the robot does not answer.
+        CalibrationError: it touches something, or does not get to the end of a leg.
     """
-    robot.stop()
-    robot.set_counters(0, 0)
-    profile = settings.speed, settings.acceleration
-    robot.set_profile(profile, profile)
-    target = np.zeros(2)
+    driver.start()
     reached = []
-    for way, turn in move.legs:
-        target += settings.wheels.counts(way, turn)
-        robot.go_to(round(target[0]), round(target[1]))
-        end = robot.clock() + _LONGEST
-        while not all(wheel.reached for wheel in robot.status()):
-            if robot.clock() > end:
-                raise RobotError(f"the leg of {way:g} m was not driven in {_LONGEST:.0f} s")
-            robot.wait(_POLL)
-        reached.append(robot.counters())
+    for number, (way, turn) in enumerate(move.legs, 1):
+        outcome = driver.leg(way, turn)
+        if outcome.collided:
+            raise CalibrationError(
+                f"{move.name}: leg {number} of {len(move.legs)} ended early, at something in the"
+                " way or at wheels that do not turn; the course needs free floor: another place,"
+                " or a smaller --side"
+            )
+        reached.append(outcome.counters)
     return tuple(reached)
 
 
@@ -123,35 +157,37 @@ def seen_from(start: Pose, end: Pose) -> tuple[float, float, float]:
     return c * dx + s * dy, c * dy - s * dx, end.heading - start.heading
 
 
-Measure = Callable[[Move], tuple[float, float, float | None]]
+Measure = Callable[[Move], End]
 """Where a robot ended that has driven a move, seen from where it began."""
 
 
 def drive_all(
-    robot: Khepera,
+    driver: Driver,
     plan: Sequence[Move],
     runs: int,
-    settings: DriveSettings,
     place: Callable[[Move, int], None],
     measure: Measure,
+    done: int = 0,
 ) -> Iterator[Run]:
     """Drive every move so many times.
 
     Args:
-        robot: the robot.
+        driver: of the robot.
         plan: the moves.
         runs: how often each is driven.
-        settings: how.
         place: puts the robot on its mark before a run of a number.
         measure: tells where it ended.
+        done: moves that have been driven before.
 
     Raises:
-        RobotError: the robot does not answer.
+        RobotError, CalibrationError: the robot does not answer, or cannot drive there.
     """
     for number in range(runs):
         for move in plan:
-            place(move, number)
-            yield Run(move.name, drive_move(robot, move, settings), measure(move))
+            done -= 1
+            if done < 0:
+                place(move, number)
+                yield Run(move.name, drive_move(driver, move), measure(move))
 
 
 def fit_wheels(runs: Sequence[Run], assumed: Wheels) -> Calibration:
@@ -160,6 +196,9 @@ def fit_wheels(runs: Sequence[Run], assumed: Wheels) -> Calibration:
     Args:
         runs: at least one of every move.
         assumed: where the search begins.
+
+    Raises:
+        CalibrationError: no wheels do, or none that a Khepera can have.
     """
     lever = max(abs(run.end[0]) + abs(run.end[1]) for run in runs) or 1.0
     weights = np.ones(len(_residuals(runs, assumed, lever)))
@@ -169,6 +208,7 @@ def fit_wheels(runs: Sequence[Run], assumed: Wheels) -> Calibration:
     free = max(1, len(rest) - 3)
     covariance = np.linalg.pinv(slopes.T @ slopes) * float(rest @ rest) / free
     wheels = _scaled(assumed, found)
+    _check_possible(wheels)
     ratio = wheels.right / wheels.left
     across = np.array([-1.0, 1.0, 0.0])
     return Calibration(
@@ -186,7 +226,7 @@ def _least_squares(
 ) -> tuple[Array, Array, Array]:
     """Factors of left, right and base (Gauss-Newton); weighted residuals, and their slopes."""
     found = np.ones(3)
-    while True:
+    for _ in range(_MOST_STEPS):
         rest = weights * _residuals(runs, _scaled(assumed, found), lever)
         slopes = np.empty((len(rest), 3))
         for k in range(3):
@@ -198,6 +238,32 @@ def _least_squares(
         found = found + step
         if np.abs(step).max() < _SMALL:
             return found, rest, slopes
+        if not (found.min() > 0.1 and found.max() < 10.0):  # nor for what is not a number
+            break
+    raise CalibrationError(
+        "no wheels explain where the moves ended; did the robot touch something, or was an end"
+        " measured from another mark?"
+    )
+
+
+def _check_possible(wheels: Wheels) -> None:
+    """Refuse wheels that no Khepera has.
+
+    Raises:
+        CalibrationError: they differ too much from the nominal ones.
+    """
+    nominal = Wheels()
+    for what, found, usual in (
+        ("the left wheel's way of a count is", wheels.left, nominal.left),
+        ("the right wheel's way of a count is", wheels.right, nominal.right),
+        ("the wheel base is", wheels.base, nominal.base),
+    ):
+        if not abs(found / usual - 1.0) <= _POSSIBLE:
+            raise CalibrationError(
+                f"the ends say that {what} {1000 * found:.4g} mm, where a Khepera has"
+                f" {1000 * usual:.4g} mm; did the robot touch something, or was an end measured"
+                " from another mark? Nothing was written"
+            )
 
 
 def _weights(runs: Sequence[Run], rest: Array) -> Array:

@@ -7,7 +7,7 @@ A robot's commands cannot be driven again: there every command is kept as soon a
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from macor_hil.bench import Bench
 from macor_hil.brain import Brain, Settings
@@ -17,6 +17,9 @@ from macor_hil.drive import Driver
 from macor_hil.errors import MapError
 from macor_hil.map_file import load_map, save_map
 from macor_hil.training import Phase, Schedule, Session, Trainer
+
+_FACTS: Final = {"place": "port", "drive": "wheels or speeds"}
+"""What to call facts that a training must have in common with its checkpoint."""
 
 
 def checkpoint_path(path: Path) -> Path:
@@ -47,17 +50,22 @@ def train_map(
         every: commands from one checkpoint to the next within a session; 0: none within.
 
     Raises:
-        MapError: the checkpoint belongs to another training, or a file cannot be written.
+        MapError: the checkpoint belongs to another training or another way of driving (wheels,
+            speed), or a file cannot be written.
         RobotError, CameraError, BenchError: the hardware or the emulator fails.
     """
     # compared as JSON gives it back: lists for tuples, plain strings for enumerations
-    facts: dict[str, Any] = {"place": place, "schedule": _plain(asdict(schedule))}
+    driver, camera, bench = hardware
+    facts: dict[str, Any] = {
+        "place": place,
+        "schedule": _plain(asdict(schedule)),
+        "drive": asdict(driver.settings),
+    }
     part = checkpoint_path(path)
     brain, first, done = Brain(settings), 0, 0
     seen: list[list[float]] = []
     if part.exists():
         brain, first, done, seen = _resume(part, settings, facts)
-    driver, camera, bench = hardware
     trainer = Trainer(brain, driver, camera, bench, schedule, care)
     trainer.seen = seen
     sessions = schedule.sessions()
@@ -86,6 +94,22 @@ def train_map(
     return brain
 
 
+def commands_kept(path: Path, schedule: Schedule) -> int:
+    """Return how many commands of a training are in the checkpoint of a map; 0 without one.
+
+    Raises:
+        MapError: what is there is no checkpoint.
+    """
+    part = checkpoint_path(path)
+    if not part.exists():
+        return 0
+    _, training = load_map(part)
+    sessions, first = schedule.sessions(), int(training["sessions"])
+    if first >= len(sessions):
+        return schedule.commands
+    return sessions[first].start + int(training.get("done", 0))
+
+
 def _save_with_a_hand(
     path: Path, brain: Brain, training: dict[str, Any], care: Caretaker | None
 ) -> None:
@@ -108,10 +132,10 @@ def _resume(
     same = {name: training.get(name) == value for name, value in facts.items()}
     same["settings"] = brain.settings == settings
     if not all(same.values()):
-        other = ", ".join(name for name, equal in same.items() if not equal)
+        other = ", ".join(_FACTS.get(name, name) for name, equal in same.items() if not equal)
         raise MapError(
             f"the checkpoint {part} is of another training (its {other} differ); finish that one"
-            " with its own options, or begin anew with --restart"
+            " with its own options and --profile, or begin anew with --restart"
         )
     return brain, int(training["sessions"]), int(training.get("done", 0)), training.get("seen", [])
 

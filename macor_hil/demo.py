@@ -4,13 +4,17 @@ The emulator is a process of its own with a real pseudo-terminal; the controller
 the serial line, and over Zenoh for camera, ground truth and reset.
 """
 
+import os
 import selectors
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO
 
 from macor_hil.bench import Bench, ZenohBench
 from macor_hil.errors import BenchError, MacorError
@@ -19,6 +23,7 @@ from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 from macor_hil.trials import Trial
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT, Outline, Pose, Reset
+from protocol.text import printable
 
 DEFAULT_SEED = 5
 """Robot and training that are shown; the README says over how many seeds the result holds."""
@@ -28,6 +33,8 @@ PLANNERS_SHOWN = ("graded", "anticipative", "reactive")
 
 _START_PATIENCE = 20.0
 _STOP_PATIENCE = 5.0
+_LAST_WORDS = 1000
+"""Characters of what an emulator said last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,19 +43,17 @@ class DemoSettings:
 
     Attributes:
         map_file: what has been learned.
-        link: name of the emulator's terminal.
+        speed: how many times faster than a real robot.
         arena: where the robot drives.
         seed: of the emulated robot, which the map was trained on, and of the drives.
-        speed: how many times faster than a real robot.
         emulator: Zenoh endpoint of the emulator.
         controller: Zenoh endpoint of the controller.
     """
 
     map_file: Path
-    link: Path
+    speed: float = 1.0
     arena: str = "corridor"
     seed: int = DEFAULT_SEED
-    speed: float = 1.0
     emulator: str = DEFAULT_ENDPOINT
     controller: str = CONTROLLER_ENDPOINT
 
@@ -56,6 +61,26 @@ class DemoSettings:
     def training_port(self) -> str:
         """Port of the same robot for training in virtual time."""
         return f"khepera://{self.arena}?seed={self.seed}"
+
+    @property
+    def watching(self) -> str:
+        """Options that lead a watcher here; none where it looks by itself."""
+        if (self.controller, self.emulator) == (CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT):
+            return ""
+        return f" --connect {self.controller} --connect {self.emulator}"
+
+
+def endpoint(usual: str) -> str:
+    """Return an endpoint on this machine, or another port of it where somebody listens already."""
+    host, _, port = usual.removeprefix("tcp/").rpartition(":")
+    with socket.socket() as probe:
+        # a connection that has just ended is no listener
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, int(port)))
+        except OSError:
+            probe.bind((host, 0))
+        return f"tcp/{host}:{probe.getsockname()[1]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,21 +121,31 @@ def run_demo(settings: DemoSettings, on_step: Callable[[str, Decision], None]) -
 
 @contextmanager
 def emulator_process(settings: DemoSettings) -> Iterator[str]:
-    """An emulator daemon; gives the name of its serial port.
+    """Run an emulator daemon; gives the name of its serial port.
 
     Raises:
-        BenchError: it did not start; the message holds what it said.
+        BenchError: it did not start, or has ended; the message holds what it said.
     """
     command = [sys.executable, "-m", "khepera_emulator.cli", "run"]
     command += ["--arena", settings.arena, "--seed", str(settings.seed)]
-    command += ["--link", str(settings.link), "--speed", str(settings.speed)]
-    command += ["--listen", settings.emulator]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    command += ["--speed", str(settings.speed), "--listen", settings.emulator]
+    with (
+        TemporaryFile() as said,  # which takes any number of warnings, as a pipe does not
+        subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=said,
+            # Ctrl-C ends the controller, which stops the robot, and only then the emulator
+            process_group=0,
+        ) as process,
+    ):
         try:
-            _await_line(process)
-            yield str(settings.link)
+            yield _announced_port(process, said)
+        except MacorError as error:
+            if process.poll() is None or isinstance(error, BenchError):
+                raise
+            raise BenchError(f"the emulator has ended: {_last_words(said)}") from error
         finally:
             process.terminate()
             try:
@@ -119,17 +154,22 @@ def emulator_process(settings: DemoSettings) -> Iterator[str]:
                 process.kill()
 
 
-def _await_line(process: subprocess.Popen[str]) -> None:
+def _announced_port(process: subprocess.Popen[bytes], said: IO[bytes]) -> str:
+    """Wait for the line that an emulator says when it has started: `NAME on PORT`."""
     assert process.stdout is not None
-    assert process.stderr is not None
     with selectors.DefaultSelector() as selector:
         selector.register(process.stdout, selectors.EVENT_READ)
         ready = selector.select(_START_PATIENCE)
-    if ready and process.stdout.readline():
-        return
-    process.terminate()
-    reason = process.stderr.read().strip() or f"silent for {_START_PATIENCE:.0f} s"
-    raise BenchError(f"the emulator did not start: {reason}")
+    line = process.stdout.readline() if ready else b""
+    if not line:
+        reason = _last_words(said) if ready else f"silent for {_START_PATIENCE:.0f} s"
+        raise BenchError(f"the emulator did not start: {reason}")
+    return line.decode().strip().partition(" on ")[2]
+
+
+def _last_words(said: IO[bytes]) -> str:
+    said.seek(max(0, said.seek(0, os.SEEK_END) - _LAST_WORDS))
+    return printable(said.read().strip()) or "it said nothing"
 
 
 def _drive(
@@ -158,5 +198,5 @@ def _drive(
     )
     report = serve(config, watch)
     if report.signal:
-        raise MacorError(f"the drive was interrupted ({report.signal}); the robot stands")
+        raise KeyboardInterrupt
     return Trial(tuple(reinforcement), report.collided, bench.truth().touched, tuple(path))

@@ -6,17 +6,19 @@ something is stopped, and that is what the controller calls a collision. A targe
 reached in time is one, too. Nothing here knows whether the robot is a real one.
 
 The robot turns its wheels only while somebody here looks on: whatever else the controller does,
-it stands. A guard is asked between any two looks, and what it raises ends the drive.
+it stands. A guard is asked between any two looks, and what it raises ends the drive. Nothing that
+is raised leaves a drive before the robot stands.
 """
 
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import radians, sqrt
+from math import inf, radians, sqrt
 
 from macor_hil.errors import RobotResetError, StrayedError
 from macor_hil.odometry import Wheels
-from macor_hil.robot import Khepera
+from macor_hil.robot import Khepera, WheelStatus
+from macor_hil.standstill import standing_on_failure
 from protocol.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 
 
@@ -34,6 +36,9 @@ RIGHT = MotorCommand("right", radians(-12))
 STRAIGHT = MotorCommand("straight", 0.0)
 COMMANDS = (LEFT, RIGHT, STRAIGHT)
 """The three commands of the paper's section 3.1: s = 2.1 cm each, turning 12, -12 or 0 degrees."""
+
+LONGEST_WAY = max(command.way for command in COMMANDS)
+"""Metres that a command takes a robot that nobody can stop."""
 
 MIRRORED = (COMMANDS.index(RIGHT), COMMANDS.index(LEFT), COMMANDS.index(STRAIGHT))
 """Index of the command that drives the mirror image of each."""
@@ -80,6 +85,23 @@ FRONT_SENSORS = slice(0, 6)
 Guard = Callable[[], None]
 """Asked again and again while the robot drives; raises when it must not go on."""
 
+
+def all_of(*guards: Guard) -> Guard:
+    """Return a guard that asks several, in their order."""
+
+    def guard() -> None:
+        for each in guards:
+            each()
+
+    return guard
+
+
+LEASH = 0.15
+"""Metres that a leg's target is ahead of the wheels at most: what they turn on if left alone."""
+
+_SLACK_LEASH = 0.8
+"""Share of the leash at which the target moves on."""
+
 _TRAIL = 64
 _SLACK = 40
 """Counts that a wheel may be beside its way: 3 mm."""
@@ -97,6 +119,9 @@ class Driver:
         robot: the robot.
         settings: how it is driven.
         guard: what must hold while it drives.
+
+    Attributes:
+        settings: how it is driven.
     """
 
     def __init__(
@@ -105,8 +130,8 @@ class Driver:
         settings: DriveSettings = DriveSettings(),
         guard: Guard = lambda: None,
     ) -> None:
+        self.settings = settings
         self._robot = robot
-        self._settings = settings
         self._guard = guard
         self._target = (0, 0)
         self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
@@ -125,18 +150,73 @@ class Driver:
             StrayedError: the robot is elsewhere than on the way of this command.
             RobotError: the robot does not answer, or has been reset.
         """
-        begin = self._target
-        self._trail.append(begin)
-        ways = self._settings.wheels.counts(command.way, command.turn)
-        self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
-        proximity, collided = self._go(self._target, ways, watch=True)
-        if collided:
-            self._robot.stop()
-        counters = self._robot.counters()
-        self._check(begin, counters)
-        if collided:
-            self._target = counters
-        return Outcome(collided, proximity, counters)
+        with standing_on_failure(self._robot, command.way):
+            begin = self._target
+            self._trail.append(begin)
+            ways = self.settings.wheels.counts(command.way, command.turn)
+            self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
+            proximity, collided = self._go(self._target, ways, watch=True)
+            if collided:
+                self._robot.stop()
+            counters = self._robot.counters()
+            self._check(begin, counters)
+            if collided:
+                self._target = counters
+            return Outcome(collided, proximity, counters)
+
+    def hold(self, left: int, right: int, seconds: float, *, roll_on: bool = False) -> Outcome:
+        """Hold wheel speeds for a time, or until a collision; then the robot stands.
+
+        Args:
+            left: speed of the left wheel, counts / 10 ms, cut to the greatest of the settings.
+            right: that of the right wheel.
+            seconds: how long, on the robot's clock.
+            roll_on: let the wheels turn on for the next call. For a robot whose time stands still
+                between two calls (`khepera://`); any other would be on its own.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        top = self.settings.speed
+        with standing_on_failure(self._robot, top * SPEED_UNIT * seconds):
+            self._robot.set_speed(max(-top, min(top, left)), max(-top, min(top, right)))
+            end = self._robot.clock() + seconds
+            while True:
+                self._guard()
+                proximity = self._robot.proximity()
+                collided = is_touching(proximity, self.settings)
+                if collided or self._robot.clock() >= end:
+                    break
+            if collided or not roll_on:
+                self._robot.stop()
+            return Outcome(collided, proximity, self._robot.counters())
+
+    def leg(self, way: float, turn: float) -> Outcome:
+        """Drive a straight way, or turn on the spot, of any length, to its end or a collision.
+
+        The robot's target is never farther ahead of its wheels than a leash, and moves on while
+        somebody looks: a robot that is left alone comes to rest.
+
+        Args:
+            way: metres, backwards if negative.
+            turn: radians, to the left; one of both is 0.
+
+        Raises:
+            StrayedError: the robot is elsewhere than on the way of this leg.
+            RobotError: the robot does not answer, or has been reset.
+        """
+        with standing_on_failure(self._robot, LEASH):
+            begin = self._target
+            ways = self.settings.wheels.counts(way, turn)
+            self._target = begin[0] + round(ways[0]), begin[1] + round(ways[1])
+            proximity, collided = self._go_on_a_leash(begin, ways)
+            if collided:
+                self._robot.stop()
+            counters = self._robot.counters()
+            self._check(begin, counters)
+            if collided:
+                self._target = counters
+            return Outcome(collided, proximity, counters)
 
     def back_off(self, commands: int) -> None:
         """Drive back along the trail by up to a number of commands.
@@ -144,13 +224,14 @@ class Driver:
         Raises:
             RobotError: the robot does not answer.
         """
-        for _ in range(min(commands, len(self._trail))):
-            target = self._trail.pop()
-            ways = float(target[0] - self._target[0]), float(target[1] - self._target[1])
-            self._target = target
-            self._go(target, ways, watch=False)
-        self._robot.stop()
-        self._target = self._robot.counters()
+        with standing_on_failure(self._robot, LONGEST_WAY):
+            for _ in range(min(commands, len(self._trail))):
+                target = self._trail.pop()
+                ways = float(target[0] - self._target[0]), float(target[1] - self._target[1])
+                self._target = target
+                self._go(target, ways, watch=False)
+            self._robot.stop()
+            self._target = self._robot.counters()
 
     def turn(self, angle: float) -> None:
         """Turn on the spot by radians, to the left; a round body has always room for that.
@@ -158,16 +239,17 @@ class Driver:
         Raises:
             RobotError: the robot does not answer.
         """
-        ways = self._settings.wheels.counts(0.0, angle)
-        self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
-        self._go(self._target, ways, watch=False)
-        self._robot.stop()
-        self._target = self._robot.counters()
+        with standing_on_failure(self._robot, 0.0):
+            ways = self.settings.wheels.counts(0.0, angle)
+            self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
+            self._go(self._target, ways, watch=False)
+            self._robot.stop()
+            self._target = self._robot.counters()
 
     def _go(
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
     ) -> tuple[tuple[int, ...], bool]:
-        settings, robot = self._settings, self._robot
+        settings, robot = self.settings, self._robot
         longest = max(abs(ways[0]), abs(ways[1]), 1.0)
         profiles = [
             (
@@ -191,13 +273,42 @@ class Driver:
             left, right = robot.status()
             if left.reached and right.reached:
                 return proximity, False
-            if (left.speed_mode and not left.reached) or (right.speed_mode and not right.reached):
-                raise RobotResetError(
-                    f"sent to {target}, and the robot knows nothing of it: it has started again; is"
-                    " its battery low?"
-                )
+            self._check_remembered(left, right)
             if elapsed > duration + settings.patience:
                 return proximity, True
+
+    def _go_on_a_leash(
+        self, begin: tuple[int, int], ways: tuple[float, float]
+    ) -> tuple[tuple[int, ...], bool]:
+        settings, robot = self.settings, self._robot
+        longest = max(abs(ways[0]), abs(ways[1]), 1.0)
+        leash = LEASH / min(settings.wheels.left, settings.wheels.right)
+        profile = settings.speed, settings.acceleration
+        robot.set_profile(profile, profile)
+        end = robot.clock() + self._duration(longest, leash) + settings.patience
+        ahead = 0.0
+        left = right = WheelStatus(reached=False, speed_mode=False, error=0)
+        while not (ahead == longest and left.reached and right.reached):
+            behind = max(abs(left.error), abs(right.error))
+            if ahead < longest and behind < _SLACK_LEASH * leash:
+                ahead = min(longest, ahead - behind + leash)
+                share = ahead / longest
+                robot.go_to(begin[0] + round(ways[0] * share), begin[1] + round(ways[1] * share))
+            self._guard()
+            proximity = robot.proximity()
+            if is_touching(proximity, settings) or robot.clock() > end:
+                return proximity, True
+            left, right = robot.status()
+            self._check_remembered(left, right)
+        return proximity, False
+
+    def _check_remembered(self, *wheels: WheelStatus) -> None:
+        """See that the robot knows of the target that it was sent to."""
+        if any(wheel.speed_mode and not wheel.reached for wheel in wheels):
+            raise RobotResetError(
+                f"sent to {self._target}, and the robot knows nothing of it: it has started again;"
+                " is its battery low?"
+            )
 
     def _check(self, begin: tuple[int, int], counters: tuple[int, int]) -> None:
         """Nothing on the line protects a number; the counters tell where it has led."""
@@ -208,12 +319,13 @@ class Driver:
                     " not arrive as it was sent, or the robot was reset"
                 )
 
-    def _duration(self, counts: float) -> float:
-        """Seconds that the profile needs for a number of counts."""
-        settings = self._settings
+    def _duration(self, counts: float, leash: float = inf) -> float:
+        """Seconds that the profile needs for a number of counts, with a target so far ahead."""
+        settings = self.settings
         way = counts * PULSE
         acceleration = settings.acceleration * ACCELERATION_UNIT
-        top = settings.speed * SPEED_UNIT
+        # half a leash is left at times, from which the robot must be able to brake
+        top = min(settings.speed * SPEED_UNIT, sqrt(acceleration * leash * PULSE))
         if way < top**2 / acceleration:
             return 2 * sqrt(way / acceleration)
         return way / top + top / acceleration

@@ -7,6 +7,7 @@ MacorError
  |    +-- GarbageError        a reply that does not belong to its request
  |    +-- RobotResetError     the robot has started again and forgotten what it was told
  |    +-- StrayedError        the robot went elsewhere than it was sent
+ |    +-- NotStoppedError     no stop was confirmed: the robot may still drive
  +-- CameraError            no picture, or one that cannot be used
  |    +-- CameraLostError     none came
  |    +-- CameraLateError     it came too late
@@ -14,6 +15,7 @@ MacorError
  |    +-- CameraDarkError     nothing can be seen in it
  |    +-- WrongPictureError   it has another size or format than it should
  +-- ProfileError           a robot's profile that is missing, damaged, or of another version
+ +-- CalibrationError       moves that tell nothing of the wheels, or nothing possible
  +-- MapError               a map file that is missing, damaged, or of another version
  +-- BenchError             the emulator's side channel: reset and ground truth
  +-- TelemetryError         the Zenoh session: its endpoints, names and payloads
@@ -59,6 +61,10 @@ class StrayedError(RobotError):
     """The counters are not where the last command leads: it did not arrive as it was sent."""
 
 
+class NotStoppedError(RobotError):
+    """No stop was confirmed: the robot may still drive to the end of its last command."""
+
+
 class CameraError(MacorError):
     """The camera gives no usable picture."""
 
@@ -85,6 +91,10 @@ class WrongPictureError(CameraError):
 
 class ProfileError(MacorError):
     """The robot's profile cannot be used."""
+
+
+class CalibrationError(MacorError):
+    """Marked moves tell nothing of the wheels, or something that no robot can be."""
 
 
 class MapError(MacorError):

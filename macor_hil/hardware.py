@@ -8,6 +8,7 @@ import zenoh
 
 from macor_hil.bench import Bench, PortBench, ZenohBench
 from macor_hil.cameras import Camera, open_camera
+from macor_hil.interruption import unwind_on_signals
 from macor_hil.robot import Khepera, open_port
 
 
@@ -35,9 +36,12 @@ def is_embedded(port: str) -> bool:
 def robot_of(port: str, baud: int = 9600) -> Iterator[Khepera]:
     """Open the robot at a port alone; on the way out it is stopped and the port closed.
 
+    SIGTERM and SIGHUP no longer end the process without that.
+
     Raises:
         RobotError: it is not there or does not answer.
     """
+    unwind_on_signals()
     # a robot in this process is gone with its port
     reopen = None if is_embedded(port) else lambda: open_port(port, baud)
     with Khepera(open_port(port, baud), reopen) as robot:

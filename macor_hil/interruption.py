@@ -1,31 +1,53 @@
-"""Ctrl-C, SIGTERM and a closed terminal become one KeyboardInterrupt that can be held back."""
+"""Ctrl-C, SIGTERM and a closed terminal: one KeyboardInterrupt that can be held back.
+
+A program takes the signals over with an `Interruption`. In a library (a notebook, a learner of
+one's own) they stay its owner's; `unwind_on_signals` only keeps them from ending the process
+without a stop of the robot, and `undisturbed` holds them back while the robot is being stopped.
+"""
 
 import signal
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Final, Self
 
-_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What tells a program to end."""
+
+_KILLED: Final = 128
+"""Exit status of a process that a signal ended, less the signal's number."""
 
 
 class Interruption:
     """Raises KeyboardInterrupt wherever the main thread waits when the process is told to end.
 
     The first signal holds back all later ones, so that whoever was interrupted can put things
-    in order undisturbed, until `release`. Outside the main thread it does nothing.
+    in order undisturbed, until `release`. Outside the main thread it does nothing. SIGINT is taken
+    over even where a shell has it ignored (a script's background job), SIGHUP is not (`nohup`).
+
+    Args:
+        told: another way of being told to end: its name, or nothing, whenever `check` asks.
 
     Attributes:
         name: of the first signal that came, such as SIGTERM, or of who asked; empty before.
+        kept: what is to be told of the work that was cut short.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, told: Callable[[], str] = str) -> None:
         self.name = ""
+        self.kept = ""
+        self._told = told
         self._held = False
         self._before: dict[signal.Signals, signal._HANDLER] = {}
 
     def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():
-            self._before = {number: signal.signal(number, self._come) for number in _SIGNALS}
+        if _in_main_thread():
+            self._before = {
+                number: signal.signal(number, self._come)
+                for number in _from_python()
+                if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN
+            }
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -41,6 +63,7 @@ class Interruption:
 
         A KeyboardInterrupt that hits a destructor or a library's callback gets lost there.
         """
+        self.name = self.name or self._told()
         if self.name:
             raise KeyboardInterrupt
 
@@ -57,3 +80,72 @@ class Interruption:
         if not self._held:
             self._held = True
             raise KeyboardInterrupt
+
+
+def interruption_in_charge() -> Interruption | None:
+    """Return the interruption that has taken the signals over, or None."""
+    owner = getattr(signal.getsignal(signal.SIGTERM), "__self__", None)
+    return owner if isinstance(owner, Interruption) else None
+
+
+@contextmanager
+def signals_taken_over() -> Iterator[Interruption]:
+    """Give the interruption in charge, or a new one for as long as the context lasts."""
+    if interruption := interruption_in_charge():
+        yield interruption
+    else:
+        with Interruption() as interruption:
+            yield interruption
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Hold signals back meanwhile; outside the main thread, which they never reach, do nothing.
+
+    An interruption in charge keeps the first name for its next `check`. To any other handler what
+    came is sent again afterwards.
+    """
+    if not _in_main_thread():
+        yield
+    elif interruption := interruption_in_charge():
+        interruption.hold()
+        try:
+            yield
+        finally:
+            interruption.release()
+    else:
+        came: list[int] = []
+        before = {n: signal.signal(n, lambda n, _: came.append(n)) for n in _from_python()}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            for n in came:
+                signal.raise_signal(n)
+
+
+def unwind_on_signals() -> None:
+    """Let SIGTERM and SIGHUP end the process by SystemExit where they would kill it at once.
+
+    Then contexts, destructors and exit handlers run, and stop the robot. Handlers that are there
+    already stay, and so does this one.
+    """
+    if not _in_main_thread():
+        return
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _exit)
+
+
+def _exit(number: int, _: FrameType | None) -> None:
+    raise SystemExit(_KILLED + number)
+
+
+def _from_python() -> list[signal.Signals]:
+    """Signals but for those whose handler is another language's and could not be put back."""
+    return [number for number in SIGNALS if signal.getsignal(number) is not None]
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()

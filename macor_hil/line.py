@@ -7,11 +7,13 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, lru_cache
+from math import inf
 from pathlib import Path
 from typing import Any, Final
 
 import serial
 
+from macor_hil.descriptors import let_pyserial_poll
 from macor_hil.errors import (
     GarbageError,
     LinkError,
@@ -21,6 +23,7 @@ from macor_hil.errors import (
 from macor_hil.left_behind import left_behind
 from protocol.commands import COMMANDS
 from protocol.errors import ReplyError
+from protocol.extras import how_to_install
 from protocol.framing import LINE_END
 from protocol.messages import Reply, Request, parse_reply
 from protocol.units import wire_time
@@ -40,6 +43,9 @@ BANNER: Final = (b"ROM of minirobot", b"Serial Communication Protocol")
 
 _BABBLE: Final = 1.0
 """Seconds for which bytes that nobody asked for are waited out."""
+
+_LONGEST_ON_THE_WIRE: Final = 3.0
+"""Seconds that a request and its reply may be on their way: at 300 baud they are all there."""
 
 _WRITE_LIMIT: Final = 0.5
 
@@ -65,7 +71,9 @@ def open_port(url: str, baud: int = 9600) -> Any:
         except ImportError:
             raise LinkError(
                 f"{url} needs the emulator, which is not installed; install the extra 'emulator'"
+                f" with: {how_to_install('emulator')}"
             ) from None
+    let_pyserial_poll()
     if left_behind(Path(url)):
         raise LinkError(f"the emulator behind the link {url} has gone; start it again")
     options: dict[str, Any] = {} if "://" in url else {"exclusive": True}
@@ -97,16 +105,21 @@ class Line:
         if port.timeout != QUIET:
             port.timeout = QUIET
 
-    def exchange(self, request: Request) -> Reply:
+    def exchange(self, request: Request, limit: float = inf) -> Reply:
         """Send a request and wait for its reply.
 
+        Args:
+            request: what is asked.
+            limit: seconds to wait at most, however slow the line is.
+
         Raises:
-            SilenceError: no whole line came within `time_limit`.
+            SilenceError: no whole line came within `time_limit`, or within the limit.
             GarbageError: a reply of another kind.
             RobotResetError: the robot's banner came instead.
             LinkError: the port failed.
         """
-        data, limit = _framed(request, self._baud)
+        data, needed = _framed(request, self._baud)
+        limit = min(limit, needed)
         try:
             line = self._ask(data, limit)
         except (OSError, serial.SerialException) as error:
@@ -213,7 +226,8 @@ def _framed(request: Request, baud: int) -> tuple[bytes, float]:
 
 def time_limit(request: Request, baud: int) -> float:
     """Seconds within which the reply to a request must have come, from its first byte sent."""
-    return wire_time(len(request.encode()) + longest_reply(request.letter), baud) + PATIENCE
+    on_the_wire = wire_time(len(request.encode()) + longest_reply(request.letter), baud)
+    return min(on_the_wire, _LONGEST_ON_THE_WIRE) + PATIENCE
 
 
 @cache

@@ -15,7 +15,7 @@ from macor_hil.brain import Brain
 from macor_hil.cameras import Camera
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
-from macor_hil.drive import Driver, DriveSettings
+from macor_hil.drive import LONGEST_WAY, Driver, DriveSettings, all_of
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.interruption import Interruption
@@ -24,7 +24,7 @@ from macor_hil.odometry import integrate
 from macor_hil.planners.planner import Now, Plan, Planner
 from macor_hil.robot import Khepera
 from macor_hil.service_config import Ending, ServiceConfig
-from macor_hil.standstill import Standstill
+from macor_hil.standstill import standing_on_failure
 from macor_hil.telemetry.decisions import decision_of, learned_of, link_of
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
 from macor_hil.telemetry.schemas import Decision, Odometry, Phase, State
@@ -114,13 +114,9 @@ class LiveRun:
         with (
             CameraWatch(camera, self._config.camera_limit) as watch,
             # the inner one: the end of the watch may wait for a picture
-            Standstill(hardware.robot, self._interruption),
+            standing_on_failure(hardware.robot, LONGEST_WAY),
         ):
-
-            def guard() -> None:
-                self._interruption.check()
-                watch.guard()
-
+            guard = all_of(self._interruption.check, watch.guard)
             driver = Driver(hardware.robot, self._settings, guard)
             agent = Agent(brain, driver, self._watched(camera))
             while True:
@@ -152,13 +148,9 @@ class LiveRun:
         Raises:
             RobotError, CameraError: they do not in time; or nothing but failures comes.
         """
-        if self._config.recovery <= 0.0:
+        if self._config.recovery <= 0.0 or self._interruption.name:
             raise error
         robot = hardware.robot
-        try:
-            robot.halt()
-        except RobotError as failure:
-            _log.warning("no stop confirmed: %s", failure)
         self._in_a_row += 1
         if self._in_a_row > _IN_A_ROW:
             raise error

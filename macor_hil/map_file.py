@@ -7,7 +7,7 @@ entries are arrays. The same brain gives the same bytes.
 import io
 import json
 import os
-import tempfile
+import secrets
 import zipfile
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -99,20 +99,20 @@ def write_atomically(path: Path, data: bytes, failure: type[MacorError] = MapErr
     Raises:
         MapError: the folder cannot be written to; or the other `failure` that was asked for.
     """
+    # named before it is there, so that nothing that is raised in between leaves it behind
+    new = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with new.open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            new.replace(path)
+        except BaseException:
+            new.unlink(missing_ok=True)
+            raise
     except OSError as error:
-        raise failure(f"cannot write {path}: {error.strerror}") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except OSError as error:
-        Path(name).unlink(missing_ok=True)
         raise failure(f"cannot write {path}: {error.strerror}") from None
 
 

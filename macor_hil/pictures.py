@@ -10,6 +10,7 @@ from macor_hil.errors import MacorError
 from macor_hil.trials import Trial
 from macor_hil.vision.opponent import CHANNELS
 from macor_hil.vision.unwrap import Image
+from protocol.extras import how_to_install
 from protocol.side_channel import Outline
 
 
@@ -112,6 +113,7 @@ def _figure() -> Any:
         from matplotlib.figure import Figure
     except ImportError:
         raise MacorError(
-            "drawing needs Matplotlib, which is not installed; install the extra 'pictures'"
+            "drawing needs Matplotlib, which is not installed; install the extra 'pictures' with:"
+            f" {how_to_install('pictures')}"
         ) from None
     return Figure

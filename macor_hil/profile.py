@@ -48,8 +48,8 @@ def load_profile(path: Path) -> RobotProfile:
         data: Any = from_json(path.read_bytes())
     except FileNotFoundError:
         raise ProfileError(
-            f"there is no profile {path}; measure the robot with: macor-hil calibrate --profile"
-            f" {path}"
+            f"there is no profile {path}; measure the wheels with: macor-hil calibrate --profile"
+            f" {path}, or the mirror with: macor-hil camera --calibrate --profile {path}"
         ) from None
     except (OSError, ValueError) as error:
         raise ProfileError(f"{path} is not a robot's profile: {error}") from None

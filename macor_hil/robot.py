@@ -6,11 +6,15 @@ once. `recover` gets a robot back that was unplugged, switched off or reset.
 """
 
 import logging
+import os
+import weakref
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
 from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
+from macor_hil.interruption import undisturbed
 from macor_hil.line import LONGEST_REPLY, Line, open_port
 from macor_hil.meter import Meter
 from protocol.messages import Reply, build_request
@@ -27,6 +31,10 @@ SETTINGS: Final = frozenset("AFJ")
 """Letters of settings that power-on forgets."""
 
 _ATTEMPTS: Final = 3
+_STOP_LIMIT: Final = 0.5
+"""Seconds for which the reply to a stop is waited for, however slow the line: at 1200 baud, far
+below what any Khepera speaks, it has come."""
+
 _STANDING_LIMIT: Final = 0.3
 """Seconds after a stop within which both wheels must have come to rest."""
 
@@ -37,6 +45,7 @@ _NEAR_ZERO, _FAR_FROM_ZERO = 40, 80
 """Counts: a reset wheel has not got farther, and one is told from a reset wheel from here on."""
 
 _STOP = build_request("D", 0, 0)
+_SPEED = build_request("E")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +76,7 @@ class Khepera:
     """
 
     def __init__(self, port: Any, reopen: Callable[[], Any] | None = None) -> None:
-        self._line = Line(port)
-        self.clock = self._line.clock
+        self._take(Line(port))
         self.meter = Meter()
         self._reopen = reopen
         self._broken = False
@@ -106,16 +114,7 @@ class Khepera:
         Raises:
             RobotError: no stop was confirmed.
         """
-        for attempt in range(1, _ATTEMPTS + 1):
-            try:
-                self._line.clear(_STOP.encode())
-                self._exchange("D", 0, 0)
-                self._await_rest()
-            except RobotError:
-                if attempt == _ATTEMPTS:
-                    raise
-            else:
-                return
+        _halt(self._line)
 
     def recover(self, patience: float) -> bool:
         """Get the robot back: port, line, standstill, and the settings that a reset has lost.
@@ -151,13 +150,8 @@ class Khepera:
         self._line.pause(seconds)
 
     def close(self) -> None:
-        """Stop the robot as far as the line still allows, and close the port."""
-        try:
-            self.halt()
-        except RobotError:
-            pass  # the line is gone: there is nothing left to say on it
-        finally:
-            self._line.close()
+        """Stop the robot as far as the line still allows, and close the port, once."""
+        self._end()
 
     def request(self, letter: str, *arguments: int) -> Reply:
         """Send a request and wait for its reply; repeat it where that is harmless.
@@ -188,19 +182,20 @@ class Khepera:
             self._settings[letter] = arguments
         return reply
 
-    def _await_rest(self) -> None:
-        start = self.clock()
-        while any(speed := self._exchange("E").values):
-            if self.clock() - start > _STANDING_LIMIT:
-                raise GarbageError(f"stopped, and the wheels still turn: {speed} counts / 10 ms")
+    def _take(self, line: Line) -> None:
+        """Drive on a line, and answer for it that the robot stands at its end."""
+        self._line = line
+        self.clock = line.clock
+        self._end = weakref.finalize(self, _leave, line, os.getpid())
 
     def _revive(self) -> bool:
         if self._broken and self._reopen is not None:
             self._line.close()
             reset_seen = self._line.reset_seen
-            self._line = Line(self._reopen())
-            self._line.reset_seen = reset_seen
-            self.clock = self._line.clock
+            line = Line(self._reopen())
+            line.reset_seen = reset_seen
+            self._end.detach()
+            self._take(line)
             self._broken = False
         self.halt()
         left, right = self._exchange("H").values
@@ -269,3 +264,34 @@ class Khepera:
     def proximity(self) -> tuple[int, ...]:
         """The eight proximity sensors, 0 far to 1023 near."""
         return self.request("N").values
+
+
+def _halt(line: Line) -> None:
+    for attempt in range(1, _ATTEMPTS + 1):
+        try:
+            line.clear(_STOP.encode())
+            line.exchange(_STOP, _STOP_LIMIT)
+            _await_rest(line)
+        except RobotError:
+            if attempt == _ATTEMPTS:
+                raise
+        else:
+            return
+
+
+def _await_rest(line: Line) -> None:
+    start = line.clock()
+    while any(speed := line.exchange(_SPEED, _STOP_LIMIT).values):
+        if line.clock() - start > _STANDING_LIMIT:
+            raise GarbageError(f"stopped, and the wheels still turn: {speed} counts / 10 ms")
+
+
+def _leave(line: Line, process: int) -> None:
+    """Stop the robot on a line as far as that still can be, and close the line."""
+    if os.getpid() != process:
+        return  # a copy of the process that drives it
+    try:
+        with undisturbed(), suppress(RobotError):  # the line is gone: nothing is left to say on it
+            _halt(line)
+    finally:
+        line.close()

@@ -16,7 +16,7 @@ from macor_hil.brain import Brain
 from macor_hil.drive import DriveSettings
 from macor_hil.errors import MacorError
 from macor_hil.hardware import open_hardware
-from macor_hil.interruption import Interruption
+from macor_hil.interruption import Interruption, signals_taken_over
 from macor_hil.live_run import LiveRun, OnStep
 from macor_hil.map_file import load_map
 from macor_hil.planners import PLANNERS
@@ -47,7 +47,7 @@ def serve(config: ServiceConfig, on_step: OnStep | None = None) -> RunReport:
     brain, drive = _prepare(config)
     planner = find_planner(config.planner)
     with (
-        Interruption() as interruption,
+        signals_taken_over() as interruption,
         _telemetry(config, interruption) as (session, publisher),
         LiveRun(config, drive, publisher, on_step, interruption) as run,
     ):

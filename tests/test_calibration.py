@@ -8,7 +8,7 @@ from math import pi
 import pytest
 
 from macor_hil.calibration import Run, drive_all, fit_wheels, moves
-from macor_hil.drive import DriveSettings
+from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
 from macor_hil.odometry import Wheels
 from macor_hil.profile import load_profile
@@ -34,9 +34,7 @@ def calibrate(floor, drift, seed, runs):
     """The calibration of an emulated robot, and its true wheels."""
     with open_hardware(f"khepera://{floor}?seed={seed}&drift={drift}", baud=38400) as hardware:
         ruler = BenchRuler(hardware.bench)
-        done = drive_all(
-            hardware.robot, moves(0.5), runs, DriveSettings(), ruler.place, ruler.measure
-        )
+        done = drive_all(Driver(hardware.robot), moves(0.5), runs, ruler.place, ruler.measure)
         found = fit_wheels(list(done), Wheels())
         hidden = hardware.bench.truth().drift
     true = Wheels(PULSE * hidden.left_scale, PULSE * hidden.right_scale, hidden.wheel_base)
@@ -91,11 +89,11 @@ def test_ends_without_a_heading_will_do():
 
 
 def test_hands_ask_until_they_get_numbers():
-    answers = iter(["", "here", "12, -30 90"])
+    answers = iter(["", "here", "512, -30 90"])
     said = []
     hands = Hands(said.append, lambda *_, **__: next(answers))
     hands.place(moves(0.5)[0], 0)
-    assert hands.measure(moves(0.5)[0]) == pytest.approx((0.012, -0.030, pi / 2))
+    assert hands.measure(moves(0.5)[0]) == pytest.approx((0.512, -0.030, pi / 2))
     assert any("numbers are needed" in line for line in said)
 
 

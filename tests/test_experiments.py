@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -38,7 +39,7 @@ from macor_hil.experiments.table1 import FIGURE5, TABLE1
 from macor_hil.hardware import open_hardware
 from macor_hil.reinforcement import Reinforcement
 from macor_hil.sensorimotor_map import SensorimotorMap
-from macor_hil.training import Trainer
+from macor_hil.training import Schedule, Session, Trainer
 
 DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
 COURSE = Course(trials=2, commands=2)
@@ -127,6 +128,38 @@ def test_a_recording_is_kept(recordings: Recordings, recording: Recording) -> No
     assert again.robot_seconds == recording.robot_seconds
     other = Recordings(recordings.folder.parent, replace(DRIVE, random=25))
     assert not other.has(1)
+
+
+@pytest.mark.parametrize("stop_at", [1, 2, 3, 4])
+def test_an_interrupted_drive_goes_on_and_is_recorded_as_if_it_had_not_been(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop_at: int
+) -> None:
+    monkeypatch.setattr(recording_module, "_KEPT_EVERY", 2)
+    monkeypatch.setattr(Drive, "schedule", in_many_sessions)
+    whole, halved = (Recordings(tmp_path / name, DRIVE) for name in ("whole", "halved"))
+    whole.make(1)
+    driven: list[int] = []
+    run = Trainer.run
+
+    def interrupted(trainer: Trainer, session: Session, *rest: Any) -> None:
+        if len(driven) == stop_at:
+            driven.append(-1)
+            raise KeyboardInterrupt
+        driven.append(session.number)
+        run(trainer, session, *rest)
+
+    monkeypatch.setattr(Trainer, "run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        halved.make(1)
+    halved.make(1)
+    again = stop_at % 2  # what was driven since the last checkpoint
+    assert len(driven) - 1 == len(DRIVE.schedule(1).sessions()) + again
+    files = {path.name: path.read_bytes() for path in whole.folder.iterdir()}
+    assert {path.name: path.read_bytes() for path in halved.folder.iterdir()} == files
+
+
+def in_many_sessions(drive: Drive, seed: int) -> Schedule:
+    return Schedule(drive.tuning, drive.random, drive.reactive, session=8, seed=seed)
 
 
 def test_drives_with_a_common_beginning_are_those_driven_in_one_go(

@@ -13,8 +13,8 @@ import serial
 from emulator_process import emulator, free_endpoint
 from test_map_file import change_meta
 
-from macor_hil import cli
-from macor_hil.cli.driving import INTERRUPTED
+from macor_hil.cli import program
+from macor_hil.cli.ending import Status
 from macor_hil.map_file import VERSION
 from macor_hil.telemetry.feed import Arrival, Feed
 from macor_hil.telemetry.session import open_session
@@ -84,9 +84,7 @@ def test_errors_are_one_sentence(
         given += ["--listen", free_endpoint(), "--connect", free_endpoint()]
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["macor-hil", *given])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == 2
+    assert program.run() == 2
     said = capsys.readouterr().err.splitlines()[-1]
     assert said.startswith("macor-hil: ")
     assert says in said
@@ -168,20 +166,22 @@ def test_a_watched_training_learns_the_same(trained: Path) -> None:
     assert (trained.parent / "b.npz").read_bytes() == trained.read_bytes()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_that_a_library_makes_an_error_of_is_one_all_the_same(monkeypatch, number):
+@pytest.mark.parametrize(
+    ("number", "status"),
+    [
+        (signal.SIGINT, Status.INTERRUPTED),
+        (signal.SIGTERM, Status.DONE),
+        (signal.SIGHUP, Status.DONE),
+    ],
+)
+def test_an_interrupt_that_a_library_makes_an_error_of_is_one_all_the_same(
+    monkeypatch, number, status
+):
     def import_something() -> None:
         try:
             signal.raise_signal(number)
         except KeyboardInterrupt:
             raise ValueError("an error of a library") from None
 
-    monkeypatch.setattr(cli, "app", import_something)
-    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
-    assert ended.value.code == INTERRUPTED
+    monkeypatch.setattr(program, "app", import_something)
+    assert program.run() == status

@@ -126,7 +126,7 @@ def test_the_command_lines_help_without_any_extra(program):
     ("program", "arguments", "extra"),
     [
         ("khepera_emulator.cli", ["run"], "emulator"),
-        ("macor_hil.cli", ["look", "--picture", "FILE"], "emulator"),
+        ("macor_hil.cli", ["look", "--picture", "FILE.png"], "emulator"),
         ("macor_hil.cli", ["train", "--map", "FILE"], "emulator"),
         ("macor_hil.cli", ["ros2"], "ros"),
         ("macor_hil.cli", ["dashboard"], "dashboard"),
@@ -137,7 +137,7 @@ def test_the_command_lines_help_without_any_extra(program):
 )
 def test_a_missing_extra_is_named(program, arguments, extra, tmp_path):
     file = str(tmp_path / "file")
-    arguments = [file if each == "FILE" else each for each in arguments]
+    arguments = [each.replace("FILE", file) for each in arguments]
     done = without_extras(f"from {program} import main; main()", *arguments)
     assert done.returncode == 2
     assert extra in PROJECT["optional-dependencies"]

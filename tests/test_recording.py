@@ -157,7 +157,7 @@ def play(endpoint, path, events):
                     wait_until(lambda: len(pictures_in(path)) == pictures)  # noqa: B023
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
     path, endpoint = tmp_path / "x.mcap", free_endpoint()
     pictures = 4
@@ -172,7 +172,7 @@ def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
     frames = pictures_in(path)
     assert len(frames) == pictures
     if number != signal.SIGKILL:
-        assert process.returncode == 0
+        assert process.returncode == (130 if number == signal.SIGINT else 0)
         assert "samples" in said
         with path.open("rb") as stream:
             assert make_reader(stream).get_summary() is not None

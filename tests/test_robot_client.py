@@ -176,7 +176,8 @@ def test_replies_become_values():
 def test_connecting_ends_what_was_half_sent_and_drops_what_was_left():
     port = ScriptedPort({b"B": b"b,5.01,5.00\r\n"}, pending=b"n,1,2\r\nh,3")
     port._line = b"D,5"  # left half-sent by a client before
-    assert Khepera(port).connect() == ("5.01", "5.00")
+    robot = Khepera(port)
+    assert robot.connect() == ("5.01", "5.00")
     assert port.requests == [b"D,5?", b"B"]
 
 
@@ -187,14 +188,16 @@ def test_connecting_to_what_never_pauses_ends_with_an_error():
 
 def test_halt_stops_at_once_and_is_confirmed_past_replies_that_were_still_coming():
     port = ScriptedPort(pending=PROXIMITY)
-    Khepera(port).halt()
+    robot = Khepera(port)
+    robot.halt()
     assert port.written == CLEARING + b"D,0,0\nD,0,0\nE\n"
     assert port.pending == b""
 
 
 def test_halt_tries_again_when_a_late_reply_is_in_the_way():
     port = ScriptedPort({b"D,0,0": [b"", PROXIMITY, STOPPED, STOPPED]})
-    Khepera(port).halt()
+    robot = Khepera(port)
+    robot.halt()
     assert port.written.count(b"D,0,0\n") == 4
 
 
@@ -213,7 +216,8 @@ def test_halt_says_so_when_the_wheels_go_on_turning():
 
 def test_halt_waits_until_the_wheels_have_come_to_rest():
     port = ScriptedPort({b"E": [b"e,9,9\r\n", b"e,3,2\r\n", RESTING]})
-    Khepera(port).halt()
+    robot = Khepera(port)
+    robot.halt()
     assert port.requests.count(b"E") == 3
     assert port.requests.count(b"D,0,0") == 2
 
@@ -229,6 +233,26 @@ def test_leaving_the_context_stops_the_robot_and_closes_the_port():
         raise ZeroDivisionError
     assert port.requests[-2:] == [b"D,0,0", b"E"]
     assert port.closed
+
+
+def test_a_robot_that_nobody_refers_to_any_more_is_stopped():
+    port = ScriptedPort({b"D,5,5": b"d\r\n"})
+    robot = Khepera(port)
+    robot.set_speed(5, 5)
+    del robot
+    assert port.requests[-3:] == [b"D,0,0", b"D,0,0", b"E"]
+    assert port.closed
+
+
+def test_a_robot_is_stopped_once_and_after_a_reconnection_on_the_new_port():
+    dead, alive = ScriptedPort(), ScriptedPort({b"H": b"h,1,2\r\n"})
+    robot = Khepera(dead, lambda: alive)
+    dead.write_error = OSError(5, "Input/output error")
+    robot.recover(5.0)
+    alive.requests.clear()
+    for _ in range(2):
+        robot.close()
+    assert alive.requests == [b"?", b"D,0,0", b"D,0,0", b"E"]
 
 
 def test_leaving_the_context_closes_a_dead_port_too():
@@ -250,7 +274,8 @@ def test_a_port_that_cannot_be_opened_is_named(url):
 
 def test_a_question_without_an_answer_is_asked_again_past_a_late_reply():
     port = ScriptedPort({b"N": [b"", PROXIMITY]})
-    assert Khepera(port).proximity() == (1, 2, 3, 4, 5, 6, 7, 8)
+    robot = Khepera(port)
+    assert robot.proximity() == (1, 2, 3, 4, 5, 6, 7, 8)
     assert port.requests == [b"N", b"?", b"N"]
 
 
@@ -265,14 +290,16 @@ def test_a_question_is_asked_three_times_and_not_more():
 @pytest.mark.parametrize(("letter", "arguments"), [("L", (0, 2)), ("P", (9, 9)), ("G", (0, 0))])
 def test_what_may_do_harm_twice_is_sent_once(letter, arguments):
     port = ScriptedPort()
+    robot = Khepera(port)
     with pytest.raises(SilenceError):
-        Khepera(port).request(letter, *arguments)
+        robot.request(letter, *arguments)
     assert len(port.requests) == 1
 
 
 def test_a_move_is_stopped_before_it_is_sent_again():
     port = ScriptedPort({b"C,5,6": [b"", b"c\r\n"]})
-    Khepera(port).go_to(5, 6)
+    robot = Khepera(port)
+    robot.go_to(5, 6)
     assert port.requests == [b"C,5,6", b"?", b"D,0,0", b"C,5,6"]
 
 
@@ -400,8 +427,9 @@ def test_a_link_of_somebody_else_is_opened(link):
 
 def test_a_robot_that_does_not_come_back_is_given_up_in_time():
     port = ScriptedPort({b"D,0,0": b""})
+    robot = Khepera(port)
     with pytest.raises(SilenceError):
-        Khepera(port).recover(2.0)
+        robot.recover(2.0)
     assert 2.0 < port.now < 5.0
 
 

@@ -157,6 +157,39 @@ def test_a_robot_with_a_dead_man_stop_does_not(tmp_path):
         assert bench.time_to_stand() < 0.3 + 0.15
 
 
+A_LEARNER = """
+import os, signal, sys, time
+from macor_hil.hardware import robot_of
+opened = robot_of(sys.argv[1], 57600)
+robot = opened.__enter__()
+robot.set_speed(-15, 15)
+print("rolls", flush=True)
+{}
+"""
+"""A program of somebody's own that holds a speed, without any care for its end."""
+
+ENDINGS = {
+    "its last line": "",
+    "an exception": "1 / 0",
+    "an exit": "sys.exit(3)",
+    "forgetting": "del opened, robot; time.sleep(60)",
+    "Ctrl-C": "os.kill(os.getpid(), signal.SIGINT); time.sleep(60)",
+    "SIGTERM": "os.kill(os.getpid(), signal.SIGTERM); time.sleep(60)",
+    "a closed terminal": "os.kill(os.getpid(), signal.SIGHUP); time.sleep(60)",
+}
+
+
+@pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS.keys())
+def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending):
+    def end():
+        bench.end_controllers()
+        script = A_LEARNER.format(ending)
+        program = bench.start([sys.executable, "-c", script, str(bench.link)])
+        program.wait_for(lambda lines: "rolls" in lines)
+
+    assert bench.stops_within(LIMIT, end)
+
+
 def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(bench, map_file):
     controller = drive(bench, map_file)
     controller.process.kill()

@@ -155,10 +155,30 @@ class TestReset:
         assert truth.pose.model_dump() == pytest.approx(wanted)
         assert truth_of(sample_of(peer, "truth")).pose == truth.pose
 
-    @pytest.mark.parametrize("payload", [None, "{}"])
-    def test_goes_to_the_start_by_default(self, peer, payload):
-        pose = truth_of(sample_of(peer, "reset", payload)).pose
+    def test_goes_to_the_start_by_default(self, peer):
+        pose = truth_of(sample_of(peer, "reset", "{}")).pose
         assert (pose.x, pose.y) == (START.x, START.y)
+
+    @pytest.mark.parametrize("payload", [None, ""])
+    def test_takes_a_payload_that_says_so(self, peer, payload):
+        assert refusal_of(peer, "reset", payload) == (
+            "khepera/khepera/reset takes a payload that says what to do, if only {}: a Reset in"
+            " JSON, see docs/keys.md"
+        )
+
+    @pytest.mark.parametrize(
+        "selector", ["khepera/**", "**", "khepera/*/reset", "khepera/khepera/re$*"]
+    )
+    @pytest.mark.parametrize("payload", [None, "{}"])
+    def test_does_not_come_from_a_look_around(self, peer, selector, payload):
+        wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
+        sample_of(peer, "reset", json.dumps({"pose": wanted}))
+        replies = list(peer.get(selector, payload=payload, timeout=PATIENCE))
+        told = {str(reply.ok.key_expr) for reply in replies if reply.ok}
+        assert "khepera/khepera/reset" not in told
+        assert all(reply.ok for reply in replies)
+        assert ("khepera/khepera/truth" in told) == ("re" not in selector)
+        assert truth_of(sample_of(peer, "truth")).pose.model_dump() == pytest.approx(wanted)
 
     def test_with_a_seed_depends_on_nothing_before(self, peer):
         request = json.dumps({"seed": 7, "random": True})
@@ -177,12 +197,27 @@ class TestReset:
             ('{"pose": {"x": 0.3}}', "pose.y: Field required"),
             ('{"seed": -1}', "seed: Input should be greater"),
             ("[]", "the payload: Input should be"),
+            ('{"pose": {"x": 1e8, "y": 0, "heading": 0}}', "x=1e+08 m, y=0 m is in no arena"),
+            ('{"pose": {"x": 0, "y": -11, "heading": 0}}', "x=0 m, y=-11 m is in no arena"),
+            ('{"pose": {"x": 0.3, "y": 0, "heading": 1e8}}', "the heading 1e+08 is no angle"),
+            ('{"pose": {"x": 0.3, "y": 0.6, "heading": 0}}', "x=0.300 m, y=0.600 m is outside the"),
+            ('{"pose": {"x": 9, "y": 9, "heading": 0}, "seed": 1}', "x=9.000 m, y=9.000 m is outs"),
+            ('{"\\u001b[31m": 1}', r"\x1b[31m: Extra inputs"),
+            (" " * 20_000, "the payload has 20,000 bytes, and 10,000 at most are read"),
         ],
     )
     def test_refuses_clearly_and_changes_nothing(self, peer, payload, sentence):
-        before = truth_of(sample_of(peer, "reset"))
+        before = truth_of(sample_of(peer, "reset", "{}"))
         assert refusal_of(peer, "reset", payload).startswith(sentence)
         assert truth_of(sample_of(peer, "truth")).pose == before.pose
+
+    @pytest.mark.parametrize("field", ["x", "y", "heading"])
+    @pytest.mark.parametrize("value", ["1e308", "-1e155", "1e400", "NaN"])
+    def test_numbers_beyond_all_bounds_do_not_end_the_emulator(self, peer, field, value):
+        pose = {"x": "0.3", "y": "0.0", "heading": "0.0", field: value}
+        fields = ", ".join(f'"{name}": {number}' for name, number in pose.items())
+        assert refusal_of(peer, "reset", f'{{"pose": {{{fields}}}}}')
+        assert decode(sample_of(peer, "camera")) is not None
 
 
 class TestTogether:

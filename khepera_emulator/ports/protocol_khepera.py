@@ -8,7 +8,8 @@ processor allows, with the same bytes each time.
     port = serial.serial_for_url("khepera://corridor?seed=1", timeout=1)
     port.write(b"D,5,5\n"); port.readline()
 
-Options after `?`, joined with `&`:
+ARENA is a name, or the path of a TOML file; in a path, `%`, `#` and `?` are written as %25, %23
+and %3F. Options after `?`, joined with `&`:
     seed=N         of all randomness (0)
     model=NAME     khepera or khepera2 (khepera)
     drift=SPEC     none, default, strong, or items such as scale=0.01,slip=0.05 (default)
@@ -29,7 +30,7 @@ Not modelled: break conditions and modem lines are accepted and do nothing.
 import re
 from math import inf
 from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl, unquote
 
 from serial import SerialBase, SerialException
 from serial.serialutil import PortNotOpenError
@@ -262,8 +263,8 @@ def _complete(uart: Any, expected: bytes, size: int | None) -> int:
 
 def _split(url: str) -> tuple[str, dict[str, str], dict[str, list[str]]]:
     """Arena, options, and the values of repeatable options of a URL."""
-    parts = urlsplit(url)
-    pairs = parse_qsl(parts.query, keep_blank_values=True)
+    arena, _, query = url.partition("://")[2].partition("?")
+    pairs = parse_qsl(query, keep_blank_values=True)
     options = dict(pairs)
     unknown = [name for name in options if name not in _OPTIONS]
     if unknown:
@@ -271,7 +272,7 @@ def _split(url: str) -> tuple[str, dict[str, str], dict[str, list[str]]]:
             f"{url}: unknown option {unknown[0]!r}; there are {', '.join(_OPTIONS)}"
         )
     lists = {option: [v for name, v in pairs if name == option] for option in _REPEATABLE}
-    return parts.netloc + parts.path, options, lists
+    return unquote(arena, errors="surrogateescape"), options, lists
 
 
 def _whole(name: str, text: str, most: int | None = None) -> int:

@@ -1,64 +1,66 @@
-"""Command line of the controller: `macor-hil`."""
+"""Command line of the controller: `macor-hil`.
 
-import signal
-import sys
-from typing import Final
-
-import typer
-
-from macor_hil.cli import driving, learning, measuring, ros, watching
-from macor_hil.errors import MacorError
-
-_FAILED: Final = 2
-
-_EXAMPLES = """[bold]Examples[/bold]
-
-Train a map on the emulated robot, in virtual time:
-[cyan]macor-hil train --map runs/corridor.npz[/cyan]
-
-Score all planners on it:
-[cyan]macor-hil trials --map runs/corridor.npz --trials 10[/cyan]
-
-Drive a robot live, and watch it from another terminal:
-[cyan]macor-hil run --port /dev/ttyUSB0 --camera video:0 --map runs/corridor.npz[/cyan]
-[cyan]macor-hil monitor[/cyan]
-
-All of it at once, with an emulated robot:
-[cyan]macor-hil demo[/cyan]
+Nothing heavy is imported here: a Ctrl-C while that happens ends the program without a traceback.
 """
 
-app = typer.Typer(
-    help="MACOR: a controller that learns what it sees and plans by anticipation.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    epilog=_EXAMPLES,
-)
-for _part in (learning, driving, measuring, watching, ros):
-    app.add_typer(_part.app)
+import os
+import sys
+from types import FrameType
+
+_INTERRUPTED = 130
 
 
 def main() -> None:
-    """Run the command line; errors are one sentence and exit status 2."""
-    interrupted = False
-
-    def interrupt(*_: object) -> None:
-        nonlocal interrupted
-        interrupted = True
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGTERM, interrupt)
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, interrupt)
+    """Run the command line, and end the process with its exit status (docs/exit-status.md)."""
     try:
-        app()
-    except MacorError as error:
-        print(f"macor-hil: {error}", file=sys.stderr)  # noqa: T201
-        sys.exit(_FAILED)
-    except (Exception, KeyboardInterrupt) as error:
-        # a library that is being imported may have made an error of its own of the interrupt
-        if not (interrupted or isinstance(error, KeyboardInterrupt)):
-            raise
-        print("macor-hil: interrupted", file=sys.stderr)  # noqa: T201
-        sys.exit(driving.INTERRUPTED)
+        status = _main()
+    except KeyboardInterrupt:  # before it is taken care of
+        os._exit(_INTERRUPTED)
+    sys.exit(status)
+
+
+def _main() -> int:
+    import signal
+
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def end(number: int, _: FrameType | None) -> None:
+        """Nothing has begun: nothing needs an end."""
+        if number == signal.SIGINT:
+            os.write(2, b"macor-hil: interrupted\n")
+        os._exit(_INTERRUPTED if number == signal.SIGINT else 0)
+
+    open_standard_files()
+    for number in signals:
+        # a script's background job ignores Ctrl-C, which a robot's controller must not
+        if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, end)
+    from macor_hil.cli.program import run
+
+    status = run()
+    for number in signals:
+        signal.signal(number, signal.SIG_IGN)  # the end has begun
+    return status
+
+
+def open_standard_files() -> None:
+    """Open those of the three standard files that are closed, for nobody.
+
+    Otherwise the next file that is opened, a serial port perhaps, gets what is printed.
+    """
+    for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(descriptor, mode, closefd=False))  # noqa: SIM115
+
+
+def __getattr__(name: str) -> object:
+    """Import the command line's parts when they are asked for."""
+    if name != "app":
+        raise AttributeError(name)
+    from macor_hil.cli.program import app
+
+    return app

@@ -1,6 +1,5 @@
 """Commands that drive a robot live, or look through its camera."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -9,7 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from macor_hil.brain import Brain, Settings
+from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import DEFAULT_LIMIT
+from macor_hil.cli.ending import Status, kept, told
 from macor_hil.cli.learning import train
 from macor_hil.cli.options import (
     DEFAULT_MAP,
@@ -28,7 +29,8 @@ from macor_hil.cli.options import (
     decision_line,
     hardware_of,
 )
-from macor_hil.demo import DEFAULT_SEED, DemoSettings, run_demo
+from macor_hil.cli.paths import PICTURES, check_file, check_folder
+from macor_hil.demo import DEFAULT_SEED, DemoSettings, endpoint, run_demo
 from macor_hil.drive import DriveSettings
 from macor_hil.map_file import load_map
 from macor_hil.pictures import draw_trials, draw_view
@@ -38,9 +40,6 @@ from macor_hil.service import ServiceConfig, serve
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import ask_to_stop
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
-
-INTERRUPTED: Final = 130
-"""Exit status after Ctrl-C or SIGTERM."""
 
 _DRIVE: Final = DriveSettings()
 
@@ -93,8 +92,10 @@ def run(
 ) -> None:
     """Drive a robot live by a map, publishing frames and decisions over Zenoh.
 
-    The robot is stopped on every way out: the last command, a collision, Ctrl-C, SIGTERM, an
-    error. When robot or camera fail, it is stopped, and the run goes on once both work again.
+    The robot is always stopped before the program ends: after the last command, a collision,
+    Ctrl-C, SIGTERM, a closed terminal or an error, or when nobody reads what is printed. When robot
+    or camera fail, it is stopped, and the run goes on once both work again. Exit status 3 after a
+    collision.
     """
     config = ServiceConfig(
         port=port,
@@ -115,14 +116,18 @@ def run(
         planner_limit=planner_limit,
         recovery=recovery,
     )
-    report = serve(config, lambda decision: typer.echo(decision_line(decision)))
-    typer.echo(
-        f"{report.ending}: {report.commands} commands, reinforcement {report.reinforcement:.2f};"
+    report = serve(config, lambda decision: told(decision_line(decision)))
+    driven = (
+        f"{report.commands} commands, reinforcement {report.reinforcement:.2f};"
         + (f" {report.recoveries} failures got over;" if report.recoveries else "")
         + " the robot stands"
     )
     if report.signal:
-        sys.exit(INTERRUPTED)
+        with kept(lambda: driven):
+            raise KeyboardInterrupt
+    typer.echo(f"{report.ending}: {driven}")
+    if report.collided:
+        raise typer.Exit(Status.COLLISION)
 
 
 @app.command(epilog="[cyan]macor-hil stop --connect tcp/127.0.0.1:7448[/cyan]")
@@ -152,19 +157,19 @@ def look(
     profile: ProfileOption = None,
 ) -> None:
     """Draw what the robot sees now: mirror image, panorama, receptive fields."""
+    check_file("--picture", picture, PICTURES)
     brain = load_map(map_file)[0] if map_file else Brain(Settings())
     if profile and (mirror := load_profile(profile).mirror):
         brain.look_into(mirror)
     with hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware:
-        draw_view(picture, brain, hardware.camera.grab().image)
+        eyes = CheckedCamera(hardware.camera, limits_for(brain.unwrap.mirror))
+        draw_view(picture, brain, eyes.grab().image)
     typer.echo(str(picture))
 
 
 @app.command(epilog="[cyan]macor-hil demo --folder runs[/cyan]")
 def demo(
-    folder: Annotated[Path, typer.Option(help="For the map, the picture and the port.")] = Path(
-        "runs"
-    ),
+    folder: Annotated[Path, typer.Option(help="For the map and the picture.")] = Path("runs"),
     speed: Annotated[
         float, typer.Option(min=0.1, max=20.0, help="Time runs so many times faster.")
     ] = 1.0,
@@ -172,24 +177,31 @@ def demo(
     """Train a map if there is none, then drive the curve live with each planner.
 
     Ends with a table and a picture; exit status 0 if the planning robot got round the curve and the
-    reactive one did not, 1 otherwise.
+    reactive one did not, 1 otherwise. Where another one runs on this machine, it takes other
+    endpoints, and says how to watch it.
     """
-    map_file = folder / "corridor.npz"
-    settings = DemoSettings(map_file=map_file, link=folder / "khepera", speed=speed)
+    check_folder("--folder", folder)
+    map_file, picture = folder / "corridor.npz", folder / "trajectories.png"
+    settings = DemoSettings(
+        map_file,
+        speed,
+        emulator=endpoint(DEFAULT_ENDPOINT),
+        controller=endpoint(CONTROLLER_ENDPOINT),
+    )
     if not map_file.exists():
         typer.echo(f"training {map_file} in virtual time (the robot itself would take hours)")
-        typer.echo("watch it from another terminal: macor-hil dashboard")
+        typer.echo(f"watch it from another terminal: macor-hil dashboard{settings.watching}")
         train(
             port=settings.training_port,
             map_file=map_file,
             seed=settings.seed,
             listen=[settings.emulator],
         )
-    typer.echo("driving live; watch from another terminal: macor-hil dashboard, or monitor")
-    result = run_demo(
-        settings, lambda name, decision: typer.echo(f"{name:12} {decision_line(decision)}")
+    typer.echo(
+        "driving live; watch from another terminal: macor-hil dashboard"
+        f"{settings.watching}, or monitor"
     )
-    picture = folder / "trajectories.png"
+    result = run_demo(settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}"))
     draw_trials(picture, result.outline, result.trials)
     table = Table("planner", "commands", "reinforcement", "collision", "picture")
     for name, trial in result.trials.items():
@@ -198,4 +210,4 @@ def demo(
     Console().print(table)
     if not result.as_expected:
         typer.echo("not as expected: the planning robot should get round, the reactive one not")
-        sys.exit(1)
+        raise typer.Exit(Status.NO)

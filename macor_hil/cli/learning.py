@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,15 +14,19 @@ from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from macor_hil.agent import Agent
+from macor_hil.bench import Bench
 from macor_hil.brain import Brain, Settings
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.caretaker import Caretaker
-from macor_hil.checkpoints import checkpoint_path, train_map
+from macor_hil.checkpoints import checkpoint_path, commands_kept, train_map
+from macor_hil.claim import claim
+from macor_hil.cli.ending import kept
 from macor_hil.cli.options import (
     COLUMNS,
     DEFAULT_MAP,
     DEFAULT_PORT,
+    Bar,
     BaudOption,
     CameraOption,
     ConnectOption,
@@ -36,13 +41,16 @@ from macor_hil.cli.options import (
     progress_bar,
     shown,
 )
+from macor_hil.cli.paths import check_file, check_folder
 from macor_hil.demo import DEFAULT_SEED
-from macor_hil.drive import Driver, DriveSettings
+from macor_hil.drive import Driver, DriveSettings, all_of
 from macor_hil.errors import MacorError, MapError
-from macor_hil.hardware import Hardware, is_embedded
+from macor_hil.hardware import is_embedded
+from macor_hil.interruption import signals_taken_over
 from macor_hil.map_file import load_map, save_map
 from macor_hil.planners import PLANNERS
 from macor_hil.profile import load_profile
+from macor_hil.service import find_planner
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
 from protocol.side_channel import DEFAULT_ENDPOINT, Reset
@@ -104,9 +112,8 @@ def train(
     """
     if listen and not is_embedded(port):
         raise MacorError("--listen shows a robot in this process, and needs a khepera:// port")
-    if restart:
-        checkpoint_path(map_file).unlink(missing_ok=True)
-    elif map_file.exists():
+    check_file("--map", map_file)
+    if map_file.exists() and not restart:
         raise MapError(f"the map {map_file} is there already; train it anew with --restart")
     if recovery is RecoveryChoice.AUTO:
         recovery = RecoveryChoice.RESET if is_embedded(port) else RecoveryChoice.BACK
@@ -122,36 +129,50 @@ def train(
     if profile and (mirror := load_profile(profile).mirror):
         settings = replace(settings, mirror=mirror)
     with (
+        claim(map_file),
+        kept(lambda: _what_is_kept(map_file, schedule)),
+        signals_taken_over() as interruption,
         hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware,
         progress_bar(schedule.commands) as count,
         shown(hardware, robot, listen) as show,
     ):
+        if restart:
+            checkpoint_path(map_file).unlink(missing_ok=True)
 
         def progress(done: int) -> None:
             count(done)
             show()
 
         eyes = CheckedCamera(hardware.camera, limits_for(settings.mirror))
+        train_it = partial(train_map, map_file, settings, schedule, port)
         if schedule.recovery is Recovery.RESET:
-            devices = Driver(hardware.robot, drive), eyes, hardware.bench
-            brain = train_map(map_file, settings, schedule, port, devices, progress)
+            driver = Driver(hardware.robot, drive, interruption.check)
+            brain = train_it((driver, eyes, hardware.bench), progress)
         else:
-            ask = _ask if sys.stdin.isatty() else None
+            ask = partial(_ask, count) if sys.stdin.isatty() else None
             care = Caretaker(hardware.robot, eyes, ask)
             with CameraWatch(eyes) as watch:
-                driver = Driver(hardware.robot, drive, watch.guard)
-                brain = train_map(
-                    map_file, settings, schedule, port, (driver, eyes, None), progress, care, 1
-                )
+                driver = Driver(hardware.robot, drive, all_of(interruption.check, watch.guard))
+                brain = train_it((driver, eyes, None), progress, care, 1)
     typer.echo(
         f"{map_file}: {brain.art.size} situations, {len(brain.map)} transitions"
         f" from {schedule.commands} commands"
     )
 
 
-def _ask(what: str) -> None:
+def _ask(bar: Bar, what: str) -> None:
     """Have the operator see to something; Ctrl-C ends the training, which can go on later."""
-    typer.prompt(f"\a{what}. Press Enter when done", default="", show_default=False)
+    bar.ask(f"\a{what}. Press Enter when done")
+
+
+def _what_is_kept(map_file: Path, schedule: Schedule) -> str:
+    commands = commands_kept(map_file, schedule)
+    if not commands:
+        return f"fewer than {schedule.tuning} commands were driven, and nothing is kept of them"
+    return (
+        f"{commands} of {schedule.commands} commands are kept in {checkpoint_path(map_file)}; the"
+        " same command goes on from there"
+    )
 
 
 @app.command(epilog="[cyan]macor-hil trials --map runs/corridor.npz --trials 20[/cyan]")
@@ -164,31 +185,52 @@ def trials(
     count: Annotated[int, typer.Option("--trials", min=1, help="Trials of each planner.")] = 10,
     seed: SeedOption = DEFAULT_SEED,
 ) -> None:
-    """Score planners on a map: trials of 40 commands at most, from starts near the arena's own."""
+    """Score planners on a map: trials of 40 commands at most, from starts near the arena's own.
+
+    Ctrl-C shows the trials driven so far.
+    """
     brain, _ = load_map(map_file)
-    names = planner or list(PLANNERS)
-    table = Table("planner", "trials", "commands", "reinforcement", "collided", "touched")
-    with (
-        hardware_of(port, "auto", 9600, "khepera", [DEFAULT_ENDPOINT]) as hardware,
-        progress_bar(count * len(names)) as progress,
-    ):
-        if hardware.bench is None:
-            raise MacorError(f"trials need an emulated robot, which {port} is not")
-        agent = Agent(brain, Driver(hardware.robot), hardware.camera)
-        for number, name in enumerate(names):
-            results = []
-            for k in range(count):
-                results.append(_trial(agent, name, hardware, np.random.default_rng([seed, k])))
-                progress(number * count + k + 1)
-            table.add_row(name, str(count), *_summary(results))
-    Console().print(table)
+    names = list(dict.fromkeys(planner or PLANNERS))
+    for name in names:
+        find_planner(name)
+    results: dict[str, list[Trial]] = {}
+    try:
+        with (
+            signals_taken_over() as interruption,
+            hardware_of(port, "auto", 9600, "khepera", [DEFAULT_ENDPOINT]) as hardware,
+            progress_bar(count * len(names)) as progress,
+        ):
+            if hardware.bench is None:
+                raise MacorError(f"trials need an emulated robot, which {port} is not")
+            agent = Agent(brain, Driver(hardware.robot, guard=interruption.check), hardware.camera)
+            for number, name in enumerate(names):
+                of_planner = results.setdefault(name, [])
+                for k in range(count):
+                    of_planner.append(_trial(agent, name, hardware.bench, [seed, k]))
+                    progress(number * count + k + 1)
+    except KeyboardInterrupt:
+        driven = sum(map(len, results.values()))
+        with kept(lambda: f"{driven} of {count * len(names)} trials were driven; none is kept"):
+            _show(results)
+            raise
+    _show(results)
 
 
-def _trial(agent: Agent, name: str, hardware: Hardware, rng: np.random.Generator) -> Trial:
-    assert hardware.bench is not None
-    start = hardware.bench.reset(Reset(seed=int(rng.integers(2**31)))).pose
+def _trial(agent: Agent, name: str, bench: Bench, seed: list[int]) -> Trial:
+    rng = np.random.default_rng(seed)
+    start = bench.reset(Reset(seed=int(rng.integers(2**31)))).pose
     pose = Spread().draw(start, rng)
-    return run_trial(agent, PLANNERS[name](), hardware.bench, Reset(pose=pose), rng)
+    return run_trial(agent, find_planner(name), bench, Reset(pose=pose), rng)
+
+
+def _show(results: dict[str, list[Trial]]) -> None:
+    """Print a table of all trials that were driven."""
+    table = Table("planner", "trials", "commands", "reinforcement", "collided", "touched")
+    for name, trials in results.items():
+        if trials:
+            table.add_row(name, str(len(trials)), *_summary(trials))
+    if table.rows:
+        Console().print(table)
 
 
 def _summary(results: list[Trial]) -> list[str]:
@@ -237,7 +279,11 @@ def reproduce(
     with extra("experiments"):
         from macor_hil.experiments import catalogue, runner
     chosen = catalogue.find(name)
-    with Progress(*COLUMNS, console=Console(stderr=True)) as bars:
+    check_folder("--out", out)
+    with (
+        kept(lambda: f"what is done is kept in {out}; the same command goes on from there"),
+        Progress(*COLUMNS, console=Console(stderr=True)) as bars,
+    ):
         tasks: dict[str, TaskID] = {}
 
         def watch(what: str, done: int, of: int) -> None:
@@ -262,6 +308,7 @@ def learn(
         from macor_hil.telemetry.recording import read_recording
     from macor_hil.learning import learn as take_in
 
+    check_file("--map", map_file)
     if map_file.exists():
         raise MapError(f"the map {map_file} is there already; name another --map")
     brain = Brain(Settings(nodes=nodes, vigilance=vigilance))

@@ -9,8 +9,10 @@ import cv2
 import typer
 
 from macor_hil.bench import Bench, PortBench, ZenohBench
-from macor_hil.calibration import Run, drive_all, fit_wheels, moves
+from macor_hil.calibration import drive_all, fit_wheels, moves
 from macor_hil.cameras.checks import CheckedCamera, PictureLimits, limits_for
+from macor_hil.claim import claim
+from macor_hil.cli.ending import kept
 from macor_hil.cli.options import (
     DEFAULT_PORT,
     BaudOption,
@@ -23,9 +25,13 @@ from macor_hil.cli.options import (
     camera_of,
     progress_bar,
 )
-from macor_hil.drive import DriveSettings
-from macor_hil.errors import CameraError
+from macor_hil.cli.paths import PICTURES, check_file
+from macor_hil.demo import DEFAULT_SEED
+from macor_hil.drive import Driver, DriveSettings
+from macor_hil.errors import CalibrationError, CameraError, MacorError
 from macor_hil.hardware import is_embedded, robot_of
+from macor_hil.interruption import signals_taken_over
+from macor_hil.measured import Course, Measured, measured_path
 from macor_hil.odometry import Wheels
 from macor_hil.profile import change_profile, load_profile
 from macor_hil.rulers import BenchRuler, Hands, Ruler
@@ -38,6 +44,9 @@ from protocol.side_channel import DEFAULT_ENDPOINT
 _DRIVE: Final = DriveSettings()
 
 DEFAULT_PROFILE: Final = Path("runs/robot.json")
+
+_FREE_FLOOR: Final = f"khepera://open-box?seed={DEFAULT_SEED}"
+"""Where the default course fits."""
 
 app = typer.Typer()
 
@@ -75,6 +84,13 @@ def camera(
 
     Draws the picture with the mirror's rims and straight ahead, to be looked at.
     """
+    check_file("--picture", picture, PICTURES)
+    if calibrate:
+        check_file("--profile", profile)
+    elif (centre, inner, outer) != (None, None, None):
+        raise MacorError(
+            "--centre, --inner and --outer describe a mirror for --calibrate, which is not there"
+        )
     with camera_of(port, camera, robot, connect, zenoh_config) as eyes:
         if calibrate:
             image = CheckedCamera(eyes, PictureLimits()).grab().image
@@ -96,7 +112,7 @@ def camera(
 
 @app.command(epilog="[cyan]macor-hil calibrate --port /dev/ttyUSB0 --side 0.5 --runs 5[/cyan]")
 def calibrate(
-    port: PortOption = DEFAULT_PORT,
+    port: PortOption = _FREE_FLOOR,
     side: Annotated[
         float, typer.Option(min=0.05, max=5.0, help="Side of the square, metres.")
     ] = 0.5,
@@ -113,16 +129,26 @@ def calibrate(
     robot: RobotOption = "khepera",
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Begin anew, even with measured moves there.")
+    ] = False,
 ) -> None:
     """Measure the wheels: drive marked moves, fit the way of a count and the wheel base.
 
     A straight line, squares and turns on the spot need a free, even floor somewhat larger than the
     square. Before each move you put the robot on its mark, after it you are asked where it stands;
-    a robot behind a khepera:// port is put and measured by its emulator.
+    a robot behind a khepera:// port is put and measured by its emulator. What was measured is kept:
+    a calibration that was interrupted goes on when started again.
     """
+    check_file("--profile", profile)
     known = load_profile(profile).wheels if profile.exists() else Wheels()
-    settings = DriveSettings(wheels=known, speed=speed)
-    with ExitStack() as stack:
+    plan = moves(side)
+    with claim(profile), ExitStack() as stack:
+        if restart:
+            measured_path(profile).unlink(missing_ok=True)
+        done = Measured(profile, Course(port, side, runs, speed, known))
+        stack.enter_context(kept(lambda: _what_is_kept(done, runs * len(plan))))
+        guard = stack.enter_context(signals_taken_over()).check
         driven = stack.enter_context(robot_of(port, baud))
         bench: Bench | None = None
         if is_embedded(port):
@@ -130,23 +156,40 @@ def calibrate(
         elif emulated:
             session = stack.enter_context(open_session([], connect, zenoh_config))
             bench = ZenohBench(session, robot)
-        ruler: Ruler = Hands(typer.echo, typer.prompt) if bench is None else BenchRuler(bench)
-        plan = moves(side)
-        done: list[Run] = []
-        with progress_bar(runs * len(plan)) as progress:
-            for run in drive_all(driven, plan, runs, settings, ruler.place, ruler.measure):
-                done.append(run)
-                progress(len(done))
-    found = fit_wheels(done, known)
+        progress = stack.enter_context(progress_bar(runs * len(plan)))
+        progress(len(done.runs))
+        ruler: Ruler = Hands(progress.say, progress.ask)
+        if bench is not None:
+            ruler = BenchRuler(bench, len(done.runs))
+        driver = Driver(driven, DriveSettings(wheels=known, speed=speed), guard)
+        for run in drive_all(driver, plan, runs, ruler.place, ruler.measure, len(done.runs)):
+            done.add(run)
+            progress(len(done.runs))
+    try:
+        found = fit_wheels(done.runs, known)
+    except CalibrationError as error:
+        raise CalibrationError(
+            f"{error}; the moves are in {done.path}, --restart begins anew"
+        ) from None
     note = (
-        f"{len(done)} moves, side {side:g} m; ends {1000 * found.before:.1f} mm from odometry"
+        f"{len(done.runs)} moves, side {side:g} m; ends {1000 * found.before:.1f} mm from odometry"
         f" before, {1000 * found.after:.1f} mm after (root mean square)"
     )
     change_profile(profile, ("wheels", note), wheels=found.wheels)
+    done.close()
     typer.echo(
         f"right wheel over left {found.ratio:.5f} ± {found.ratio_error:.5f}; base"
         f" {1000 * found.wheels.base:.3f} ± {1000 * found.base_error:.3f} mm; {note}; written to"
         f" {profile}"
+    )
+
+
+def _what_is_kept(done: Measured, of: int) -> str:
+    if not done.runs:
+        return "no move was measured"
+    return (
+        f"{len(done.runs)} of {of} moves are kept in {done.path}; the same command goes on from"
+        " there"
     )
 
 
@@ -166,7 +209,8 @@ def _given(
         x, y = (float(word) for word in (centre or "").split(","))
     except ValueError:
         x, y = nan, nan
-    if inner is None or outer is None or not (isfinite(x + y) and inner < outer):
+    given = isfinite(x + y) and inner is not None and outer is not None and isfinite(outer)
+    if inner is None or outer is None or not (given and inner < outer):
         raise CameraError(
             "a mirror measured by hand needs --centre X,Y, --inner and --outer, in pixels, the"
             " inner rim smaller than the outer one"

@@ -11,6 +11,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    TaskID,
     TextColumn,
     TimeRemainingColumn,
 )
@@ -22,6 +23,7 @@ from macor_hil.hardware import Hardware, is_embedded, open_hardware
 from macor_hil.line import open_port
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
+from protocol.extras import how_to_install
 
 COLUMNS = (
     TextColumn("{task.description}"),
@@ -40,7 +42,7 @@ CameraOption = Annotated[
     str,
     typer.Option(help="auto, port, zenoh\\[:KEY], video:DEVICE, video:FILE or images:FOLDER."),
 ]
-BaudOption = Annotated[int, typer.Option(min=1, help="Rate of the serial line, bits a second.")]
+BaudOption = Annotated[int, typer.Option(min=1200, help="Rate of the serial line, bits a second.")]
 MapOption = Annotated[Path, typer.Option("--map", help="Map file.")]
 RobotOption = Annotated[str, typer.Option(metavar="NAME", help="The robot's name in Zenoh keys.")]
 ConnectOption = Annotated[
@@ -136,7 +138,10 @@ def extra(name: str) -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        raise MacorError(f"{error.name} is not installed; install the extra {name!r}") from None
+        raise MacorError(
+            f"{error.name} is not installed; install the extra {name!r} with:"
+            f" {how_to_install(name)}"
+        ) from None
 
 
 @contextmanager
@@ -166,9 +171,40 @@ def shown(hardware: Hardware, robot: str, listen: list[str]) -> Iterator[Callabl
         yield show
 
 
+class Bar:
+    """A progress bar; call it with the number of commands driven so far."""
+
+    def __init__(self, progress: Progress, task: TaskID) -> None:
+        self._progress = progress
+        self._task = task
+
+    def __call__(self, done: int) -> None:
+        """Show how many are done."""
+        self._progress.update(self._task, completed=done)
+
+    def say(self, line: str) -> None:
+        """Print a line above the bar."""
+        self._progress.console.print(line, markup=False, highlight=False)
+
+    def ask(self, question: str) -> str:
+        """Ask, while the bar is away, and give the answer.
+
+        Raises:
+            MacorError: nobody can answer.
+        """
+        self._progress.stop()
+        try:
+            return input(f"{question}: ").strip()
+        except EOFError:
+            raise MacorError(
+                "the standard input ended before this was answered; start it from a terminal"
+            ) from None
+        finally:
+            self._progress.start()
+
+
 @contextmanager
-def progress_bar(total: int) -> Iterator[Callable[[int], None]]:
-    """A progress bar; call with the number of commands driven so far."""
-    with Progress(*COLUMNS, console=Console(stderr=True)) as bar:
-        task = bar.add_task("driving", total=total)
-        yield lambda done: bar.update(task, completed=done)
+def progress_bar(total: int) -> Iterator[Bar]:
+    """Show a progress bar on the standard error output."""
+    with Progress(*COLUMNS, console=Console(stderr=True)) as progress:
+        yield Bar(progress, progress.add_task("driving", total=total))

@@ -4,11 +4,14 @@ import json
 import socket
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
+from macor_hil.claim import claim
+from macor_hil.cli.ending import Status, kept
 from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption, extra
+from macor_hil.cli.paths import check_file
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.monitor.terminal import watch
 from macor_hil.telemetry.keys import KEYS
@@ -17,8 +20,6 @@ from macor_hil.telemetry.session import open_session
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
 app = typer.Typer()
-
-_NOBODY: Final = 1
 
 DurationOption = Annotated[
     float | None, typer.Option("--for", metavar="SECONDS", min=0.1, help="End after a time.")
@@ -58,7 +59,7 @@ def monitor(
     with open_session([], connect, zenoh_config) as session:
         there = watch(session, robot, once, duration)
     if once and not there:
-        raise typer.Exit(_NOBODY)
+        raise typer.Exit(Status.NO)
 
 
 @app.command(epilog="[cyan]macor-hil record runs/drive.mcap --for 60[/cyan]")
@@ -72,11 +73,12 @@ def record(
     """Record what is told of a robot: pictures, decisions, poses, infrared, the line's bytes.
 
     Foxglove and other readers of MCAP open the file as it is; so does one of a recorder that was
-    killed.
+    killed. Ctrl-C, SIGTERM or a closed terminal ends the recording, and its file is whole.
     """
+    check_file("the recording", file)
     with extra("recording"):
         from macor_hil.telemetry.recorder import record as write
-    with open_session([], connect, zenoh_config) as session:
+    with claim(file), open_session([], connect, zenoh_config) as session:
         samples = write(session, robot, file, duration)
     typer.echo(f"{file}: {samples} samples")
 
@@ -103,7 +105,9 @@ def replay(
 
     name, events = read_recording(file)
     with open_session(listen, [], zenoh_config) as session, Stage(session, robot or name) as stage:
-        play(events, stage, speed)
+        of = len(events)
+        with kept(lambda: f"{stage.shown} of {of} events were published; {file} is as it was"):
+            play(events, stage, speed)
     typer.echo(f"{file}: {len(events)} events of {name}")
 
 

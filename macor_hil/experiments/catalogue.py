@@ -13,6 +13,7 @@ from macor_hil.experiments.figure4 import FIGURE4
 from macor_hil.experiments.goals import GOALS
 from macor_hil.experiments.peers import PEERS
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
+from protocol.extras import how_to_install
 
 EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     FIGURE2,
@@ -41,5 +42,8 @@ def find(name: str) -> tuple[Experiment, ...]:
         raise MacorError(f"there is no experiment {name!r}; give one of {names}")
     for experiment in found:
         if experiment.peer is not None and find_spec(experiment.peer) is None:
-            raise MacorError(f"{experiment.peer} is not installed; install the extra 'peers'")
+            raise MacorError(
+                f"{experiment.peer} is not installed; install the extra 'peers' with:"
+                f" {how_to_install('peers')}"
+            )
     return found

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 import joblib
 
 from macor_hil.errors import MacorError
+from protocol.extras import how_to_install
 
 _PATIENCE = "10s"
 
@@ -30,7 +31,9 @@ def engine(cluster: str | None) -> Iterator[None]:
     try:
         from distributed import Client
     except ImportError:
-        raise MacorError("dask is not installed; install the extra 'cluster'") from None
+        raise MacorError(
+            f"dask is not installed; install the extra 'cluster' with: {how_to_install('cluster')}"
+        ) from None
     try:
         client = Client(cluster, timeout=_PATIENCE)
     except (OSError, ValueError) as error:

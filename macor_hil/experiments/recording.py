@@ -10,7 +10,8 @@ drives begin with the same random commands, which are driven once for both.
 import io
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from macor_hil.brain import Brain, Settings
 from macor_hil.clustering.fuzzy_art import Resonance
 from macor_hil.drive import COMMANDS, Driver, MotorCommand, Outcome
+from macor_hil.errors import MapError
 from macor_hil.experiments.results import key_of
 from macor_hil.experiments.sources import digest
 from macor_hil.hardware import open_hardware
@@ -29,6 +31,9 @@ from macor_hil.vision.receptive_fields import Features
 
 PUT_DOWN: Final = -1
 """Stands for the command of a frame that was seen where the robot had been put down."""
+
+_KEPT_EVERY: Final = 4
+"""Sessions after which what was driven is kept, so that an interrupted drive goes on from there."""
 
 _NO_PART: Final = (
     "macor_hil/clustering/clusterer",
@@ -126,7 +131,9 @@ class Recording:
         )
 
 
-def record(drive: Drive, seed: int, beginning: Recording | None = None) -> Recording:
+def record(
+    drive: Drive, seed: int, beginning: Recording | None = None, part: "_Part | None" = None
+) -> Recording:
     """Drive a training over a `khepera://` port in virtual time and record it.
 
     A session depends on nothing but its number and the brain it starts with, so that a drive that
@@ -136,6 +143,7 @@ def record(drive: Drive, seed: int, beginning: Recording | None = None) -> Recor
         drive: what is driven.
         seed: of robot and training.
         beginning: the recording of the drive's beginning.
+        part: keeps what is driven, and goes on from what was kept.
 
     Raises:
         RobotError, CameraError, BenchError: the hardware or the emulator fails.
@@ -147,19 +155,18 @@ def record(drive: Drive, seed: int, beginning: Recording | None = None) -> Recor
     if beginning is not None and drive.beginning is not None:
         brain.go_on_from(beginning.brain)
         sessions = sessions[len(drive.beginning.schedule(seed).sessions()) :]
+    done, seconds = part.load(brain, reel) if part else (0, 0.0)
     with open_hardware(drive.port(seed)) as hardware:
+        if done:  # the time to open the port counts once
+            seconds -= hardware.robot.clock()
         driver = _WatchedDriver(hardware.robot, reel)
         trainer = Trainer(brain, driver, hardware.camera, hardware.bench, schedule)
-        for session in sessions:
+        for number, session in enumerate(sessions[done:], done + 1):
             trainer.run(session, lambda _: None)
-        seconds = hardware.robot.clock()
-    driven = Recording(
-        brain,
-        np.array(reel.raw),
-        np.array(reel.commands, dtype=np.int64),
-        np.array(reel.collided, dtype=np.bool_),
-        round(seconds, 3),
-    )
+            if part and number % _KEPT_EVERY == 0 and number < len(sessions):
+                part.save(brain, reel, number, seconds + hardware.robot.clock())
+        seconds += hardware.robot.clock()
+    driven = Recording(brain, **reel.arrays(), robot_seconds=round(seconds, 3))
     return driven if beginning is None else _joined(beginning, driven)
 
 
@@ -181,6 +188,14 @@ class _Reel:
         self.commands: list[int] = []
         self.collided: list[bool] = []
         self.last = PUT_DOWN, False
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything collected: features, what led to them, and whether that was a collision."""
+        return {
+            "raw": np.array(self.raw),
+            "commands": np.array(self.commands, dtype=np.int64),
+            "collided": np.array(self.collided, dtype=np.bool_),
+        }
 
     def add(self, raw: Features) -> None:
         self.raw.append(raw)
@@ -222,6 +237,56 @@ class _WatchedBrain(Brain):
         return super().recognise(raw, learn=learn)
 
 
+class _Part:
+    """What is there of a recording whose drive has not come to its end.
+
+    Args:
+        path: where; two files with other ends are written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._map = path.with_suffix(".part.map.npz")
+        self._frames = path.with_suffix(".part.frames.npz")
+
+    def save(self, brain: Brain, reel: _Reel, sessions: int, seconds: float) -> None:
+        """Keep what was driven in so many sessions, which took the robot some seconds."""
+        write_atomically(self._frames, _archive(reel.arrays()))
+        # last, and with the number of frames: later ones may be there from a kill in between
+        facts = {"sessions": sessions, "seconds": seconds, "frames": len(reel.raw)}
+        save_map(self._map, brain, facts)
+
+    def load(self, brain: "_WatchedBrain", reel: _Reel) -> tuple[int, float]:
+        """Go on from what was kept: how many sessions, and seconds; 0 of both if nothing was.
+
+        Raises:
+            MapError: it is damaged.
+        """
+        if not self._map.exists():
+            return 0, 0.0
+        known, facts = load_map(self._map)
+        brain.go_on_from(known)
+        try:
+            frames, sessions, seconds = (facts[name] for name in ("frames", "sessions", "seconds"))
+            with np.load(self._frames, allow_pickle=False) as archive:
+                reel.raw = list(archive["raw"][:frames])
+                reel.commands = archive["commands"][:frames].tolist()
+                reel.collided = archive["collided"][:frames].tolist()
+        except (OSError, KeyError, TypeError, ValueError, BadZipFile) as error:
+            raise MapError(f"{self._frames} is damaged ({error}); take it away") from None
+        return sessions, seconds
+
+    def remove(self) -> None:
+        """Take the files away: the recording is there."""
+        self._map.unlink(missing_ok=True)
+        self._frames.unlink(missing_ok=True)
+
+
+def _archive(arrays: dict[str, NDArray[Any]]) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
 class Recordings:
     """Recordings in a folder, made when they are asked for and not there.
 
@@ -244,10 +309,12 @@ class Recordings:
         return self._frames(seed).exists()
 
     def make(self, seed: int) -> None:
-        """Record a seed's training drive if it is not there."""
+        """Record a seed's training drive if it is not there, from where it was interrupted."""
         if not self.has(seed):
             beginning = None if self.beginnings is None else self.beginnings[seed]
-            self._save(seed, record(self.drive, seed, beginning))
+            part = _Part(self.folder / f"seed-{seed:04}.npz")
+            self._save(seed, record(self.drive, seed, beginning, part))
+            part.remove()
 
     def __getitem__(self, seed: int) -> Recording:
         """The recording of a seed, the same whether it was there or is made now."""
@@ -260,15 +327,13 @@ class Recordings:
     def _save(self, seed: int, recording: Recording) -> None:
         facts = {"port": self.drive.port(seed), "robot_seconds": recording.robot_seconds}
         save_map(self._map(seed), recording.brain, facts)
-        buffer = io.BytesIO()
-        np.savez(
-            buffer,
-            raw=recording.raw,
-            commands=recording.commands,
-            collided=recording.collided,
-        )
+        arrays = {
+            "raw": recording.raw,
+            "commands": recording.commands,
+            "collided": recording.collided,
+        }
         # last: a recording is there when its frames are
-        write_atomically(self._frames(seed), buffer.getvalue())
+        write_atomically(self._frames(seed), _archive(arrays))
 
     def _map(self, seed: int) -> Path:
         return self.folder / f"seed-{seed:04}.map.npz"

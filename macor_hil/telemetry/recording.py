@@ -10,6 +10,7 @@ was written before can be read. Needs the extra 'recording'.
 
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -76,7 +77,7 @@ class Recorder:
         try:
             self._writer.start(profile="", library=_LIBRARY)
         except OSError as error:
-            self._file.close()
+            self._close()
             raise self._failed(error) from None
 
     def __enter__(self) -> Self:
@@ -88,13 +89,15 @@ class Recorder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        with self._file:
-            if isinstance(error, RecordingError):
-                return  # what was written stays; there is no room for an index
-            try:
-                self._writer.finish()
-            except OSError as failure:
-                raise self._failed(failure) from None
+        if isinstance(error, RecordingError):
+            self._close()  # what was written stays; there is no room for an index
+            return
+        try:
+            self._writer.finish()
+            self._file.close()
+        except OSError as failure:
+            self._close()
+            raise self._failed(failure) from None
 
     def write(self, event: Event) -> None:
         """Write an event down.
@@ -166,6 +169,10 @@ class Recorder:
                 topic, "protobuf", self._schemas[name]
             )
         return self._channels[topic]
+
+    def _close(self) -> None:
+        with suppress(OSError):  # there is no room for what is left
+            self._file.close()
 
     def _failed(self, error: OSError) -> RecordingError:
         return RecordingError(f"cannot record to {self._path}: {error.strerror}")

@@ -52,12 +52,16 @@ class Stage:
         session: an open session, which stays its owner's.
         robot: the robot's name in the keys.
 
+    Attributes:
+        shown: how many events have happened.
+
     Raises:
         TelemetryError: the name cannot be part of a key.
     """
 
     def __init__(self, session: zenoh.Session, robot: str) -> None:
         check_robot_name(robot)
+        self.shown = 0
         self._session = session
         self._robot = robot
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
@@ -78,6 +82,7 @@ class Stage:
 
     def show(self, event: Event) -> None:
         """Let an event happen now."""
+        self.shown += 1
         if isinstance(event, Presence):
             self._appear(event)
             return

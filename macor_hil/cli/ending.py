@@ -1,0 +1,79 @@
+"""How every command of `macor-hil` ends: its exit status, and what is told of work cut short."""
+
+import select
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import IntEnum
+from typing import Final
+
+import typer
+
+from macor_hil.interruption import interruption_in_charge
+
+CLOSED_OUTPUT: Final = "a closed standard output"
+
+_OUTPUT: Final = 1
+
+
+class Status(IntEnum):
+    """Exit status of a command; docs/exit-status.md."""
+
+    DONE = 0
+    """It did what it was told, or was told to end by SIGTERM, SIGHUP or the stop key."""
+    NO = 1
+    """It did what it was told, and the answer is no."""
+    FAILED = 2
+    """It failed, or an option is wrong; one sentence says what."""
+    COLLISION = 3
+    """A collision ended the drive."""
+    INTERRUPTED = 130
+    """Ctrl-C."""
+
+
+SUMMARY: Final = (
+    "0 done, or told to end by SIGTERM, SIGHUP or the stop key; 1 the answer is no; 2 failed, one"
+    " sentence says why; 3 `run` ended with a collision; 130 Ctrl-C."
+)
+"""All exit statuses, for the help text."""
+
+
+def status_after(name: str) -> Status:
+    """Return the exit status of a command that was told to end.
+
+    Args:
+        name: of the signal or of who told it.
+    """
+    if name == "SIGINT":
+        return Status.INTERRUPTED
+    return Status.FAILED if name == CLOSED_OUTPUT else Status.DONE
+
+
+def closed_output() -> str:
+    """Return a name for it if nobody can read the standard output any more, else nothing."""
+    poll = select.poll()
+    poll.register(_OUTPUT, 0)  # errors only
+    return CLOSED_OUTPUT if poll.poll(0) else ""
+
+
+def told(line: str) -> None:
+    """Print a line of something that goes on; where nobody reads it, it goes on to its next look.
+
+    So that a robot is stopped, and the end told, in one way only.
+    """
+    try:
+        typer.echo(line)
+    except BrokenPipeError:
+        if interruption := interruption_in_charge():
+            interruption.ask(CLOSED_OUTPUT)
+
+
+@contextmanager
+def kept(what: Callable[[], str]) -> Iterator[None]:
+    """Have it told what was kept, and how to go on, if the command is told to end meanwhile."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        interruption = interruption_in_charge()
+        if interruption is not None:
+            interruption.kept = what()
+        raise

@@ -1,0 +1,105 @@
+"""The commands of `macor-hil`, and what becomes of their errors and signals."""
+
+import os
+import sys
+from contextlib import suppress
+from typing import Final
+
+import typer
+
+from macor_hil.cli import driving, learning, measuring, ros, watching
+from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
+from macor_hil.errors import MacorError, NotStoppedError
+from macor_hil.interruption import Interruption
+
+_EXAMPLES = f"""[bold]Examples[/bold]
+
+Train a map on the emulated robot, in virtual time:
+[cyan]macor-hil train --map runs/corridor.npz[/cyan]
+
+Score all planners on it:
+[cyan]macor-hil trials --map runs/corridor.npz --trials 10[/cyan]
+
+Drive a robot live, and watch it from another terminal:
+[cyan]macor-hil run --port /dev/ttyUSB0 --camera video:0 --map runs/corridor.npz[/cyan]
+[cyan]macor-hil monitor[/cyan]
+
+All of it at once, with an emulated robot:
+[cyan]macor-hil demo[/cyan]
+
+[bold]Exit status[/bold]
+
+{SUMMARY}
+"""
+
+_ENDED: Final = {"SIGINT": "interrupted", CLOSED_OUTPUT: "nobody reads the standard output"}
+"""How an end by somebody is told, where it is not `ended by` them."""
+
+app = typer.Typer(
+    help="MACOR: a controller that learns what it sees and plans by anticipation.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    epilog=_EXAMPLES,
+)
+for _part in (learning, driving, measuring, watching, ros):
+    app.add_typer(_part.app)
+
+
+def run() -> int:
+    """Run the command line; errors are one sentence. Returns the exit status."""
+    with Interruption(closed_output) as interruption:
+        status = _run(interruption)
+        interruption.hold()
+        try:
+            sys.stdout.flush()
+        except OSError as error:
+            status = _failed(error, interruption)
+            # what cannot be written now cannot be when the interpreter ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return status
+
+
+def _run(interruption: Interruption) -> int:
+    try:
+        app()
+    except MacorError as error:
+        _say(str(error))
+        if not interruption.name or isinstance(error, NotStoppedError):
+            return Status.FAILED
+    except OSError as error:
+        if not interruption.name:
+            return _failed(error, interruption)
+    except SystemExit as ended:
+        if isinstance(ended.__context__, BrokenPipeError):
+            interruption.ask(CLOSED_OUTPUT)
+        if not interruption.name:
+            return int(ended.code or 0)
+    except (Exception, KeyboardInterrupt) as error:
+        # a library that is being imported may have made an error of its own of the interrupt
+        if not (interruption.name or isinstance(error, KeyboardInterrupt)):
+            raise
+        interruption.ask("SIGINT")
+    _say(_farewell(interruption))
+    return status_after(interruption.name)
+
+
+def _failed(error: OSError, interruption: Interruption) -> int:
+    if isinstance(error, BrokenPipeError):
+        interruption.ask(CLOSED_OUTPUT)
+        _say(_farewell(interruption))
+    else:
+        what = f"{error.strerror or error}"
+        _say(f"cannot go on: {what}" + (f": {error.filename}" if error.filename else ""))
+    return Status.FAILED
+
+
+def _farewell(interruption: Interruption) -> str:
+    ended = _ENDED.get(interruption.name, f"ended by {interruption.name}")
+    return f"{ended}; {interruption.kept}" if interruption.kept else ended
+
+
+def _say(sentence: str) -> None:
+    with suppress(OSError):  # nobody reads that either
+        print(f"macor-hil: {sentence}", file=sys.stderr)  # noqa: T201

@@ -1,0 +1,114 @@
+"""No way out of a drive leaves the wheels turning: the driver's own promise."""
+
+import signal
+
+import pytest
+
+from macor_hil.drive import STRAIGHT, Driver
+from macor_hil.errors import RobotError
+from macor_hil.hardware import open_hardware
+
+PORT = "khepera://open-box?seed=1&drift=none"
+STANDING = 0.004
+
+
+class Defect(Exception):
+    pass
+
+
+class Drive:
+    """A driver on an emulated robot whose guard fails once the wheels turn."""
+
+    def __init__(self, hardware, failure):
+        self.emulator = hardware.robot.port.emulator
+        self._failure = failure
+        self.failed = 0
+        self.driver = Driver(hardware.robot, guard=self._guard)
+        self.driver.start()
+
+    def speed(self):
+        return max(map(abs, self.emulator.truth().speed))
+
+    def stands(self, settling=0.1):
+        """Whether it is at rest when its controllers have settled, sooner than any command ends."""
+        self.emulator.advance(self.emulator.now + settling)
+        return self.speed() < STANDING
+
+    def _guard(self):
+        if self._failure and self.speed() > 0.05:
+            self.failed += 1
+            self._failure()
+
+
+def defect():
+    raise Defect
+
+
+def impatient():
+    """Ctrl-C, and again while the robot is being stopped."""
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.fixture
+def hardware():
+    with open_hardware(PORT, baud=38400) as hardware:
+        yield hardware
+
+
+WAYS = {
+    "a command": lambda driver: driver.execute(STRAIGHT),
+    "a way back": lambda driver: driver.back_off(1),
+    "a turn": lambda driver: driver.turn(3.0),
+    "a speed": lambda driver: driver.hold(10, 10, 2.0),
+}
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS.keys())
+@pytest.mark.parametrize(("failure", "kind"), [(defect, Defect), (impatient, KeyboardInterrupt)])
+def test_what_is_raised_in_mid_drive_finds_a_robot_that_stands(hardware, way, failure, kind):
+    drive = Drive(hardware, None)
+    drive.driver.execute(STRAIGHT)
+    drive._failure = failure
+    with pytest.raises(kind):
+        way(drive.driver)
+    assert drive.failed == 1
+    assert drive.stands()
+
+
+def test_a_speed_is_held_for_its_time_only(hardware):
+    drive = Drive(hardware, None)
+    begin = hardware.robot.clock()
+    outcome = drive.driver.hold(10, 10, 0.4)
+    assert 0.4 <= hardware.robot.clock() - begin < 0.5
+    assert not outcome.collided
+    assert outcome.counters[0] == pytest.approx(10 * 40, rel=0.15)
+    assert drive.stands(0.3)
+
+
+def test_a_speed_may_be_held_on_where_no_time_passes_between_two_calls(hardware):
+    drive = Drive(hardware, None)
+    drive.driver.hold(10, 10, 0.4, roll_on=True)
+    assert drive.speed() > 0.05
+
+
+def test_a_speed_ends_with_a_collision_even_where_it_may_be_held_on(hardware):
+    drive = Drive(hardware, None)
+    assert drive.driver.hold(40, 40, 20.0, roll_on=True).collided
+    assert drive.stands()
+
+
+def test_no_speed_is_above_the_greatest_one(hardware):
+    drive = Drive(hardware, None)
+    drive.driver.hold(127, -127, 0.4, roll_on=True)
+    assert drive.speed() == pytest.approx(20 * 0.008, rel=0.1)
+
+
+def test_a_stop_that_was_not_confirmed_is_told_with_what_came_first(hardware, monkeypatch):
+    drive = Drive(hardware, defect)
+
+    def dead(*_):
+        raise RobotError("the line is dead")
+
+    monkeypatch.setattr(hardware.robot, "halt", dead)
+    with pytest.raises(RobotError, match=r"line is dead; the robot has NOT confirmed.*21 mm"):
+        drive.driver.execute(STRAIGHT)
