@@ -9,7 +9,6 @@ import logging
 import select
 from collections.abc import Callable, Sequence
 from math import ceil
-from typing import Final
 
 from khepera_emulator.bell import Bell
 from khepera_emulator.clock import Clock, on_grid
@@ -39,9 +38,6 @@ _TAKE = 256
 
 _LEFT_BEHIND = 4096
 """Bytes of clients that have left that may wait for the line; more are dropped and counted."""
-
-_SELECTABLE: Final = 1024
-"""Descriptors that `select` can wait for: those below this number."""
 
 
 class Daemon:
@@ -119,7 +115,7 @@ class Daemon:
         for line in self._lines:
             readers += line.descriptors()
             delay = min(delay, line.delay(now, self._clock.speed))
-        return wait_readable(readers, max(0.0, delay))
+        return _readable(readers, max(0.0, delay))
 
     def _serve(self, ready: set[int]) -> None:
         """One round: bytes to the robots, time, bytes to the clients, queries."""
@@ -282,19 +278,19 @@ class _Line:
         )
 
 
-def wait_readable(descriptors: Sequence[int], seconds: float) -> set[int]:
-    """Wait until one of the descriptors is readable, at most so long; return those that are.
+def _readable(descriptors: Sequence[int], seconds: float) -> set[int]:
+    """Wait for a time until any of some descriptors can be read; those that can.
 
-    `select` keeps its time-out to a tenth of a millisecond, `poll` rounds it up to a whole one,
-    half a character at 9600. A process that was started with a thousand descriptors of its parent
-    has none left that `select` takes.
+    `select` keeps its time-out to a tenth of a millisecond; `poll` and `epoll` round it to a
+    whole one, half a character at 9600. But `select` has no place for descriptors above 1023, which
+    a process has that was started with a thousand open.
     """
     if max(descriptors) < _SELECTABLE:
         return set(select.select(descriptors, (), (), seconds)[0])
     poll = select.poll()
     for descriptor in descriptors:
         poll.register(descriptor, select.POLLIN)
-    return {descriptor for descriptor, _ in poll.poll(ceil(seconds * 1000))}
+    return {descriptor for descriptor, _ in poll.poll(ceil(1000 * seconds))}
 
 
 def _whole_requests(data: bytes) -> bytes:

@@ -9,7 +9,6 @@ answer, or is logged: nobody who asks, or looks, ends the emulator.
 
 import json
 import logging
-import os
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -22,6 +21,7 @@ import cv2
 import zenoh
 from pydantic import ValidationError
 
+from khepera_emulator.bell import Bell
 from khepera_emulator.emulator import Emulator
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.wire_log import WireLog
@@ -93,8 +93,8 @@ class SideChannel:
     ) -> None:
         self._waiting: deque[tuple[_Replier, zenoh.Query]] = deque()
         with ExitStack() as stack:
-            self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-            stack.callback(os.close, self._wake)
+            self._wake = Bell()
+            stack.callback(self._wake.close)
             self._session: zenoh.Session = (
                 beside._session
                 if beside
@@ -107,7 +107,9 @@ class SideChannel:
             for key in EMULATOR_KEYS:
                 if key.leaf in offered:
                     replier = _Replier(session, robot, key, answers[key.leaf])
-                    session.declare_queryable(replier.name, self._enqueue(replier))
+                    queryable = session.declare_queryable(replier.name, self._enqueue(replier))
+                    # the session may live on: that of a channel beside this one
+                    stack.callback(queryable.undeclare)
             # streams of one rate are due together: one wake-up for all of them
             start = time.monotonic()
             self._streams = [
@@ -119,7 +121,10 @@ class SideChannel:
                 )
                 if leaf in offered
             ]
-            self._alive = session.liveliness().declare_token(robot_key(robot, "alive"))
+            for stream in self._streams:
+                stack.callback(stream.close)
+            alive = session.liveliness().declare_token(robot_key(robot, "alive"))
+            stack.callback(alive.undeclare)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -135,7 +140,7 @@ class SideChannel:
 
     def fileno(self) -> int:
         """Descriptor that becomes readable when a query has come."""
-        return self._wake
+        return self._wake.fileno()
 
     def delay(self) -> float:
         """Real seconds until `serve` is due; 0 when it is."""
@@ -145,8 +150,7 @@ class SideChannel:
 
     def serve(self, emulator: Emulator) -> None:
         """Answer one query and publish what is due, all as of `emulator.now`."""
-        with suppress(BlockingIOError):
-            os.eventfd_read(self._wake)
+        self._wake.silence()
         if self._waiting:
             replier, query = self._waiting.popleft()
             with query:
@@ -161,7 +165,7 @@ class SideChannel:
                     query.reply_err(f"{_MOST_WAITING} queries wait already; ask less often")
                 return
             self._waiting.append((replier, query))
-            os.eventfd_write(self._wake, 1)
+            self._wake.ring()
 
         return enqueue
 
@@ -278,6 +282,10 @@ class _Stream:
         self._sequence = 0
         self._key = key
         self._failure = ""
+
+    def close(self) -> None:
+        """Publish no more."""
+        self._publisher.undeclare()
 
     def publish_if_due(self, emulator: Emulator) -> None:
         now = time.monotonic()

@@ -10,9 +10,9 @@ from typing import Annotated, Final
 
 from pydantic import AfterValidator, Field
 
-_Side = Annotated[int, Field(ge=8, le=8192)]
-_Place = Annotated[float, Field(ge=-8192.0, le=16384.0)]
-_Radius = Annotated[float, Field(ge=0.0, le=16384.0)]
+_Side = Annotated[int, Field(ge=8, le=4096)]
+_Place = Annotated[float, Field(ge=-4096.0, le=8192.0)]
+_Radius = Annotated[float, Field(ge=0.0, le=8192.0)]
 _Elevation = Annotated[float, Field(ge=-pi / 2, le=pi / 2)]
 
 _LOW: Final = radians(-60.0)

@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import select
 import struct
 import termios
 import tty
@@ -572,11 +573,13 @@ class TestWhatAClientLeaves:
 def stop_output(port, terminal, how):
     if how == "TCOOFF":
         termios.tcflow(terminal, termios.TCOOFF)
-        return
-    settings = termios.tcgetattr(terminal)
-    settings[0] |= termios.IXON
-    termios.tcsetattr(terminal, termios.TCSANOW, settings)
-    port.write(b"\x13")
+    else:
+        settings = termios.tcgetattr(terminal)
+        settings[0] |= termios.IXON
+        termios.tcsetattr(terminal, termios.TCSANOW, settings)
+        port.write(b"\x13")
+    while select.select((), (terminal,), (), 0)[1]:
+        pass  # an XOFF takes a moment to get through
 
 
 def is_served(port):

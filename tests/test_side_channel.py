@@ -1,6 +1,7 @@
 """Camera, ground truth and reset over Zenoh, as another process sees them."""
 
 import json
+import os
 import subprocess
 from contextlib import contextmanager
 from math import isclose
@@ -15,6 +16,7 @@ from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 
 from khepera_emulator.arena import load_arena
 from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.side_channel import SideChannel
 from khepera_emulator.wire_tap import MOST_ENTRIES, WireTap
 from protocol.mirror import Mirror
 from protocol.side_channel import MOST_TEXT, Outline, Stamp, Truth, Wire
@@ -80,6 +82,27 @@ def stamp_of(sample):
 
 def decode(sample):
     return cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_COLOR)
+
+
+class TestLifetime:
+    def test_a_channel_beside_another_goes_alone(self, tmp_path):
+        """Its descriptor may be another file's by the time that somebody asks for it."""
+        place = free_endpoint()
+        log = tmp_path / "log"
+        with (
+            log.open("w") as other,
+            SideChannel("first", [place]) as first,
+            session(connect=[place]) as peer,
+        ):
+            with SideChannel("second", [], beside=first) as second:
+                wait_for(peer, "khepera/second/alive")
+                descriptor = second.fileno()
+            os.dup2(other.fileno(), descriptor)
+            assert list(peer.get("khepera/second/truth", timeout=PATIENCE)) == []
+            assert list(peer.liveliness().get("khepera/second/alive", timeout=PATIENCE)) == []
+            second._wake.ring()
+            os.close(descriptor)
+        assert log.read_bytes() == b""
 
 
 class TestCamera:

@@ -113,7 +113,7 @@ class Terminal:
         return LineFormat(rate, stop=stop) if rate else None
 
     def copy_settings(self, other: "Terminal") -> None:
-        """Take over what clients have set on another terminal, where the system tells all."""
+        """Take over what clients have set on another terminal, if the system tells all of it."""
         settings = other._termios2()
         if settings:
             with suppress(OSError):
