@@ -33,6 +33,9 @@ MOST_BEHIND = 0.25
 """Real seconds to catch up at once. A process that was stopped for longer, or is too slow for its
 speed, loses the rest: the robot's clock stands still meanwhile."""
 
+_SELECTABLE = 1024
+"""Descriptors that `select` can wait for: those below this number."""
+
 _TAKE = 256
 """Bytes taken from a client ahead of the line; the rest waits with it, as in a driver's buffer."""
 
