@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from macor_hil.bench import Bench
-from macor_hil.brain import Brain, Settings
 from macor_hil.cameras import Camera
 from macor_hil.caretaker import Caretaker
 from macor_hil.drive import Driver
 from macor_hil.errors import MapError
-from macor_hil.map_file import load_map, save_map
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.map_file import load_map, save_map
+from macor_hil.mind.settings import MindSettings
 from macor_hil.training import Phase, Schedule, Session, Trainer
 
 
@@ -26,7 +28,7 @@ def checkpoint_path(path: Path) -> Path:
 
 def train_map(
     path: Path,
-    settings: Settings,
+    settings: MindSettings,
     schedule: Schedule,
     place: str,
     hardware: tuple[Driver, Camera, Bench | None],
@@ -53,7 +55,7 @@ def train_map(
     # compared as JSON gives it back: lists for tuples, plain strings for enumerations
     facts: dict[str, Any] = {"place": place, "schedule": _plain(asdict(schedule))}
     part = checkpoint_path(path)
-    brain, first, done = Brain(settings), 0, 0
+    brain, first, done = build_brain(settings), 0, 0
     seen: list[list[float]] = []
     if part.exists():
         brain, first, done, seen = _resume(part, settings, facts)
@@ -101,7 +103,7 @@ def _save_with_a_hand(
 
 
 def _resume(
-    part: Path, settings: Settings, facts: dict[str, Any]
+    part: Path, settings: MindSettings, facts: dict[str, Any]
 ) -> tuple[Brain, int, int, list[list[float]]]:
     """The brain, sessions done, commands done of the next one, and what was seen in tuning."""
     brain, training = load_map(part)

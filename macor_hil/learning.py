@@ -6,13 +6,15 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from macor_hil.brain import FIRST_COMMAND, Brain
-from macor_hil.drive import COMMANDS
+from macor_hil.arrays import Array
+from macor_hil.commands import COMMANDS, FIRST_COMMAND
 from macor_hil.errors import RecordingError
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.experience import Experience
+from macor_hil.mind.experience import Moment as Seen
 from macor_hil.telemetry.feed import Arrival, Event
 from macor_hil.telemetry.keys import DECISION, FRAME
 from macor_hil.telemetry.schemas import Decision
-from macor_hil.vision.receptive_fields import Features
 
 _SAME_TIME = 1e-6
 """Seconds by which the stamp of a frame may differ from the time that a decision names."""
@@ -28,7 +30,7 @@ class Moment(NamedTuple):
         collided: whether it ended in a collision.
     """
 
-    raw: Features
+    raw: Array
     command: int | None
     reinforcement: float
     collided: bool
@@ -55,15 +57,14 @@ def learn(brain: Brain, recordings: Iterable[Sequence[Event]], rng: np.random.Ge
         raise RecordingError("there is no decision with the frames before and after it")
     brain.tune(np.array([moment.raw for drive in drives for moment in drive]), rng)
     for drive in drives:
-        before: tuple[int, Features] | None = None
+        before: Seen | None = None
         for moment in drive:
-            node = brain.recognise(moment.raw, learn=True).node
             command = FIRST_COMMAND if moment.command is None else moment.command
-            neuron = brain.map.neuron(node, command)
+            after = brain.perceive(moment.raw, command, learn=True)
             if before is not None and moment.command is not None:
-                brain.map.learn(before[0], neuron, moment.reinforcement)
-                brain.experience(before[1], command, moment.raw, collided=moment.collided)
-            before = neuron, moment.raw
+                r, collided = moment.reinforcement, moment.collided
+                brain.learn(Experience(before, command, after, r, collided))
+            before = after
     return driven
 
 
@@ -71,7 +72,7 @@ def _moments(brain: Brain, events: Sequence[Event]) -> Iterator[Moment]:
     """Frames in the order in which they were seen, with the decision between each two."""
     names = [command.name for command in COMMANDS]
     last: float | None = None
-    seen: list[tuple[float, Features]] = []
+    seen: list[tuple[float, Array]] = []
     for event in events:
         if not isinstance(event, Arrival):
             continue

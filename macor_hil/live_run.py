@@ -6,22 +6,22 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from types import TracebackType
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 
 from macor_hil.agent import Agent, Step
-from macor_hil.brain import Brain
 from macor_hil.cameras import Camera
-from macor_hil.cameras.checks import CheckedCamera, limits_for
+from macor_hil.cameras.checks import CheckedCamera, PictureLimits
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.interruption import Interruption
-from macor_hil.memory import Memory
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.experience import Moment
+from macor_hil.mind.planners.planner import Plan, Planner
 from macor_hil.odometry import integrate
-from macor_hil.planners.planner import Now, Plan, Planner
 from macor_hil.robot import Khepera
 from macor_hil.service_config import Ending, ServiceConfig
 from macor_hil.standstill import Standstill
@@ -107,7 +107,7 @@ class LiveRun:
         """
         if is_embedded(self._config.port):
             self._clock = hardware.robot.clock
-        camera = CheckedCamera(hardware.camera, limits_for(brain.unwrap.mirror))
+        camera = CheckedCamera(hardware.camera, PictureLimits(size=brain.eyes.picture_size))
         rng = np.random.default_rng(self._config.seed)
         timed = _TimedPlanner(planner, self._thinking)
         self._tell_map(brain)
@@ -138,7 +138,7 @@ class LiveRun:
         for step in drive(agent, planner, rng, self._config.commands - self.driven):
             self._time = self._clock()
             self._in_a_row = 0
-            self._count(step, agent.brain)
+            self._count(step)
             if self._publisher:
                 self._publisher.link(link_of(hardware.robot.meter.read(), self._time))
             self._interruption.check()
@@ -214,12 +214,11 @@ class LiveRun:
         if self._publisher:
             self._publisher.learned(learned_of(brain), self._time)
 
-    def _count(self, step: Step, brain: Brain) -> None:
+    def _count(self, step: Step) -> None:
         self.total += step.reinforcement
         self._odometry = self._advance(step.outcome.counters)
         decision = decision_of(
             step,
-            fields=brain.fields,
             time=self._time,
             sequence=self.driven,
             total_reinforcement=self.total,
@@ -262,7 +261,12 @@ class _TimedPlanner:
         self._planner = planner
         self._watched = watched
 
-    def plan(self, memory: Memory, now: Now) -> Plan:
-        """What the planner makes of it."""
+    @property
+    def memory(self) -> str:
+        """Name of the memory that the planner reads."""
+        return self._planner.memory
+
+    def plan(self, memory: Any, now: Moment) -> Plan:
+        """Let the planner plan."""
         with self._watched():
             return self._planner.plan(memory, now)

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import from_json, to_json
 
 from macor_hil.errors import ProfileError
-from macor_hil.map_file import write_atomically
+from macor_hil.mind.map_file import write_atomically
 from macor_hil.odometry import Wheels
 from protocol.mirror import Mirror
 

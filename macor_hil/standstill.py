@@ -3,7 +3,7 @@
 from types import TracebackType
 from typing import Self
 
-from macor_hil.drive import COMMANDS
+from macor_hil.commands import COMMANDS
 from macor_hil.errors import RobotError
 from macor_hil.interruption import Interruption
 from macor_hil.robot import Khepera

@@ -11,10 +11,10 @@ import pytest
 from emulator_process import PATIENCE
 from gymnasium.utils.env_checker import check_env
 
-from macor_hil.drive import COMMANDS, MotorCommand
+from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.environment import Observation, Start, graded
 from macor_hil.errors import MacorError
-from macor_hil.reinforcement import Reinforcement
+from macor_hil.mind.reinforcement import Reinforcement
 
 IDS = ("khepera/Commands-v0", "khepera/Wheels-v0")
 EXAMPLE = Path(__file__).parent.parent / "examples" / "gymnasium_learner.py"

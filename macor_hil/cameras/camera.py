@@ -6,7 +6,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from macor_hil.vision.unwrap import Image
+from macor_hil.arrays import Image
 
 PATIENCE: Final = 2.0
 """Seconds that a picture may take."""

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from macor_hil.arrays import Image
 from macor_hil.cameras.camera import Camera, Frame
 from macor_hil.errors import (
     CameraDarkError,
@@ -14,7 +15,6 @@ from macor_hil.errors import (
     CameraLateError,
     WrongPictureError,
 )
-from macor_hil.vision.unwrap import Image
 from protocol.mirror import Mirror
 
 _STEP: Final = 4

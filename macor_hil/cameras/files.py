@@ -5,9 +5,9 @@ from typing import Final
 
 import cv2
 
+from macor_hil.arrays import Image
 from macor_hil.cameras.camera import Frame, as_image
 from macor_hil.errors import CameraError, CameraLostError
-from macor_hil.vision.unwrap import Image
 
 _IMAGES: Final = (".bmp", ".jpeg", ".jpg", ".png")
 

@@ -13,7 +13,6 @@ from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from macor_hil.agent import Agent
-from macor_hil.brain import Brain, Settings
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.caretaker import Caretaker
@@ -40,8 +39,9 @@ from macor_hil.demo import DEFAULT_SEED
 from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import MacorError, MapError
 from macor_hil.hardware import Hardware, is_embedded
-from macor_hil.map_file import load_map, save_map
-from macor_hil.planners import PLANNERS
+from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner
+from macor_hil.mind.map_file import load_map, save_map
+from macor_hil.mind.settings import MindSettings, Part
 from macor_hil.profile import load_profile
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
@@ -117,7 +117,7 @@ def train(
         seed=seed,
         recovery=Recovery(recovery.value),
     )
-    settings = Settings(nodes=nodes, vigilance=vigilance)
+    settings = MindSettings(nodes, clusterer=Part("fuzzy-art", {"vigilance": vigilance}))
     drive = DriveSettings(wheels=load_profile(profile).wheels) if profile else DriveSettings()
     if profile and (mirror := load_profile(profile).mirror):
         settings = replace(settings, mirror=mirror)
@@ -144,7 +144,7 @@ def train(
                     map_file, settings, schedule, port, (driver, eyes, None), progress, care, 1
                 )
     typer.echo(
-        f"{map_file}: {brain.art.size} situations, {len(brain.map)} transitions"
+        f"{map_file}: {brain.clusterer.size} situations, {brain.transitions} transitions"
         f" from {schedule.commands} commands"
     )
 
@@ -166,7 +166,8 @@ def trials(
 ) -> None:
     """Score planners on a map: trials of 40 commands at most, from starts near the arena's own."""
     brain, _ = load_map(map_file)
-    names = planner or list(PLANNERS)
+    known = {name: make_planner(name) for name in PLANNERS.names()} if not planner else {}
+    names = planner or [name for name, one in known.items() if one.memory in brain.memories]
     table = Table("planner", "trials", "commands", "reinforcement", "collided", "touched")
     with (
         hardware_of(port, "auto", 9600, "khepera", [DEFAULT_ENDPOINT]) as hardware,
@@ -188,7 +189,7 @@ def _trial(agent: Agent, name: str, hardware: Hardware, rng: np.random.Generator
     assert hardware.bench is not None
     start = hardware.bench.reset(Reset(seed=int(rng.integers(2**31)))).pose
     pose = Spread().draw(start, rng)
-    return run_trial(agent, PLANNERS[name](), hardware.bench, Reset(pose=pose), rng)
+    return run_trial(agent, make_planner(name), hardware.bench, Reset(pose=pose), rng)
 
 
 def _summary(results: list[Trial]) -> list[str]:
@@ -264,11 +265,11 @@ def learn(
 
     if map_file.exists():
         raise MapError(f"the map {map_file} is there already; name another --map")
-    brain = Brain(Settings(nodes=nodes, vigilance=vigilance))
+    brain = build_brain(MindSettings(nodes, clusterer=Part("fuzzy-art", {"vigilance": vigilance})))
     recordings = [read_recording(file)[1] for file in files]
     driven = take_in(brain, recordings, np.random.default_rng(seed))
     save_map(map_file, brain, {"recordings": [str(file) for file in files]})
     typer.echo(
-        f"{map_file}: {brain.art.size} situations, {len(brain.map)} transitions"
+        f"{map_file}: {brain.clusterer.size} situations, {brain.transitions} transitions"
         f" from {driven} commands"
     )

@@ -13,19 +13,20 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from macor_hil.brain import Brain, Settings
-from macor_hil.clustering.fuzzy_art import Resonance
-from macor_hil.drive import COMMANDS, Driver, MotorCommand, Outcome
+from macor_hil.agent import Seen
+from macor_hil.arrays import Array, Indices, Mask
+from macor_hil.commands import COMMANDS
+from macor_hil.drive import Driver
 from macor_hil.experiments.results import key_of
 from macor_hil.experiments.sources import digest
 from macor_hil.hardware import open_hardware
-from macor_hil.map_file import load_map, save_map, write_atomically
-from macor_hil.reinforcement import Reinforcement
-from macor_hil.robot import Khepera
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.map_file import load_map, save_map, write_atomically
+from macor_hil.mind.reinforcement import Reinforcement
+from macor_hil.mind.settings import MindSettings
 from macor_hil.training import Schedule, Trainer
-from macor_hil.vision.receptive_fields import Features
 
 PUT_DOWN: Final = -1
 """Stands for the command of a frame that was seen where the robot had been put down."""
@@ -55,7 +56,7 @@ class Drive:
     """Randomly selected commands."""
     reactive: int = 0
     """Reactively selected commands after them."""
-    brain: Settings = field(default_factory=Settings)
+    brain: MindSettings = field(default_factory=MindSettings)
     """Eyes, and the Fuzzy ART that selects reactively."""
 
     def port(self, seed: int) -> str:
@@ -93,17 +94,17 @@ class Recording:
     """
 
     brain: Brain
-    raw: Features
-    commands: NDArray[np.int64]
-    collided: NDArray[np.bool_]
+    raw: Array
+    commands: Indices
+    collided: Mask
     robot_seconds: float
 
     @property
-    def inputs(self) -> Features:
-        """Features x of every frame, tuned, shape (T, M)."""
-        return self.brain.fields.tune(self.raw)
+    def inputs(self) -> Array:
+        """Array x of every frame, tuned, shape (T, M)."""
+        return self.brain.eyes.tuned(self.raw)
 
-    def reinforcement(self, earns: Reinforcement) -> NDArray[np.float64]:
+    def reinforcement(self, earns: Reinforcement) -> Array:
         """What each frame's command earns, shape (T,); 0 where the robot was put down."""
         table = np.array([[earns(motor, hit) for hit in (False, True)] for motor in COMMANDS])
         driven = self.commands != PUT_DOWN
@@ -140,24 +141,29 @@ def record(drive: Drive, seed: int, beginning: Recording | None = None) -> Recor
     Raises:
         RobotError, CameraError, BenchError: the hardware or the emulator fails.
     """
-    reel = _Reel()
-    brain = _WatchedBrain(drive.brain, reel)
+    seen: list[Seen] = []
+    brain = build_brain(drive.brain) if beginning is None else beginning.brain
     schedule = drive.schedule(seed)
     sessions = schedule.sessions()
     if beginning is not None and drive.beginning is not None:
-        brain.go_on_from(beginning.brain)
         sessions = sessions[len(drive.beginning.schedule(seed).sessions()) :]
     with open_hardware(drive.port(seed)) as hardware:
-        driver = _WatchedDriver(hardware.robot, reel)
-        trainer = Trainer(brain, driver, hardware.camera, hardware.bench, schedule)
+        trainer = Trainer(
+            brain,
+            Driver(hardware.robot),
+            hardware.camera,
+            hardware.bench,
+            schedule,
+            witness=seen.append,
+        )
         for session in sessions:
             trainer.run(session, lambda _: None)
         seconds = hardware.robot.clock()
     driven = Recording(
         brain,
-        np.array(reel.raw),
-        np.array(reel.commands, dtype=np.int64),
-        np.array(reel.collided, dtype=np.bool_),
+        np.array([each.raw for each in seen]),
+        np.array([PUT_DOWN if e.command is None else e.command for e in seen], dtype=np.int64),
+        np.array([each.collided for each in seen], dtype=np.bool_),
         round(seconds, 3),
     )
     return driven if beginning is None else _joined(beginning, driven)
@@ -171,55 +177,6 @@ def _joined(beginning: Recording, rest: Recording) -> Recording:
         np.concatenate([beginning.collided, rest.collided]),
         round(beginning.robot_seconds + rest.robot_seconds, 3),
     )
-
-
-class _Reel:
-    """Collects frames, each with what led to it."""
-
-    def __init__(self) -> None:
-        self.raw: list[Features] = []
-        self.commands: list[int] = []
-        self.collided: list[bool] = []
-        self.last = PUT_DOWN, False
-
-    def add(self, raw: Features) -> None:
-        self.raw.append(raw)
-        self.commands.append(self.last[0])
-        self.collided.append(self.last[1])
-
-
-class _WatchedDriver(Driver):
-    """A driver that tells the reel what it does."""
-
-    def __init__(self, robot: Khepera, reel: _Reel) -> None:
-        super().__init__(robot)
-        self._reel = reel
-
-    def start(self) -> None:
-        super().start()
-        self._reel.last = PUT_DOWN, False
-
-    def execute(self, command: MotorCommand) -> Outcome:
-        outcome = super().execute(command)
-        self._reel.last = COMMANDS.index(command), outcome.collided
-        return outcome
-
-
-class _WatchedBrain(Brain):
-    """A brain that tells the reel what it sees (tuning happens on another brain, unwatched)."""
-
-    def __init__(self, settings: Settings, reel: _Reel) -> None:
-        super().__init__(settings)
-        self._reel = reel
-
-    def go_on_from(self, known: Brain) -> None:
-        """Take over what another brain has learned."""
-        self.fields, self.prototypes = known.fields, known.prototypes
-        self.art, self.map, self.graded = known.art, known.map, known.graded
-
-    def recognise(self, raw: Features, *, learn: bool) -> Resonance:
-        self._reel.add(raw)
-        return super().recognise(raw, learn=learn)
 
 
 class Recordings:

@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from macor_hil.errors import MacorError
-from macor_hil.map_file import write_atomically
+from macor_hil.mind.map_file import write_atomically
 
 Result = dict[str, Any]
 """What came of one trial: JSON-able."""

@@ -116,9 +116,10 @@ class Fields(Payload):
     """Receptive fields around the robot: Gaussian profiles over azimuth."""
 
     sectors: int = Field(
-        ge=1, description="how many, evenly around, clockwise from straight behind"
+        ge=0,
+        description="how many, evenly around, clockwise from straight behind; 0: other eyes",
     )
-    width: float = Field(gt=0.0, description="standard deviation of a profile, radians")
+    width: float = Field(ge=0.0, description="standard deviation of a profile, radians")
     channels: list[str] = Field(description="opponent channels, in the order of the features")
 
 

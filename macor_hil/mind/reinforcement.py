@@ -1,0 +1,26 @@
+"""Reinforcement: what a driven command earns.
+
+The paper rewards "a collision free, straight navigation behavior": less for a turn than for
+straight on, 0.0 for a collision. It does not print the two values, but table 1 bounds them: 0.61 a
+step (collisions apart) for the reactive system, which mostly drives straight on, 0.55 for the
+anticipative one, which mostly turns.
+"""
+
+from dataclasses import dataclass
+
+from macor_hil.commands import MotorCommand
+
+
+@dataclass(frozen=True, slots=True)
+class Reinforcement:
+    """Earned by straight on, by a turn, and by a collision."""
+
+    straight: float = 0.62
+    turn: float = 0.54
+    collision: float = 0.0
+
+    def __call__(self, command: MotorCommand, collided: bool) -> float:
+        """What a command earned."""
+        if collided:
+            return self.collision
+        return self.straight if command.turn == 0.0 else self.turn
