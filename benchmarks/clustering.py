@@ -15,7 +15,7 @@ import numpy as np
 from figures import Figure
 from numpy.typing import NDArray
 
-from macor_hil.clustering.fuzzy_art import FuzzyArt
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 
 _FEATURES, _NODES, _VIGILANCE, _ALPHA = 36, 50, 0.9, 0.001
 _PRESENTATIONS = 2000

@@ -13,7 +13,8 @@ import training_process
 from rig import RELAYED, Controller, Rig
 
 from macor_hil.checkpoints import checkpoint_path
-from macor_hil.map_file import load_map
+from macor_hil.mind.map_file import load_map
+from macor_hil.mind.memories.transitions import SensorimotorMap
 
 _SCRIPT: Final = training_process.__file__
 _RANDOM: Final = 25
@@ -123,4 +124,6 @@ def _kept(path: Path) -> int:
     """Commands that the checkpoint knows of."""
     brain, _ = load_map(checkpoint_path(path))
     tuning: int = training_process.TUNING
-    return tuning + int(brain.map.transitions().z.sum())
+    known = brain.memories["transitions"]
+    assert isinstance(known, SensorimotorMap)
+    return tuning + int(known.transitions().z.sum())

@@ -11,11 +11,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page import DOCS, PICTURES, table, write_part
 
-from macor_hil.brain import Brain, Settings
+from macor_hil.arrays import Image
+from macor_hil.commands import FIRST_COMMAND
 from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import build_brain
 from macor_hil.training import Schedule, Trainer
-from macor_hil.vision.unwrap import Image
 from protocol.side_channel import Reset
 
 _PICTURES = 100
@@ -65,7 +67,7 @@ def main() -> None:
 def _trained() -> tuple[Brain, list[Image]]:
     schedule = Schedule(tuning=150, random=450, reactive=0, session=150, seed=3)
     with open_hardware("khepera://corridor?seed=3") as hardware:
-        brain = Brain(Settings())
+        brain = build_brain()
         trainer = Trainer(brain, Driver(hardware.robot), hardware.camera, hardware.bench, schedule)
         for session in schedule.sessions():
             trainer.run(session, lambda _: None)
@@ -78,7 +80,7 @@ def _trained() -> tuple[Brain, list[Image]]:
 
 
 def _situation(brain: Brain, image: Image) -> int:
-    return int(brain.recognise(brain.look(image), learn=False).node)
+    return brain.perceive(brain.look(image), FIRST_COMMAND, learn=False).node
 
 
 def _share(

@@ -11,11 +11,9 @@ from time import process_time
 import numpy as np
 from figures import Figure
 
-from macor_hil.graded_map import GradedMap
-from macor_hil.memory import Memory
-from macor_hil.planners.anticipative import Anticipative
-from macor_hil.planners.planner import Now
-from macor_hil.sensorimotor_map import SensorimotorMap
+from macor_hil.mind.experience import Moment, Resonance
+from macor_hil.mind.memories.transitions import SensorimotorMap
+from macor_hil.mind.planners.anticipative import Anticipative
 
 _COMMANDS = 3
 _NEURONS = (150, 1_500, 15_000, 150_000)
@@ -38,11 +36,10 @@ class Planning:
         """Seconds of a plan for each size, from random neurons."""
         planner, found = Anticipative(), {}
         for size, memory in self._maps.items():
-            starts = self._rng.integers(size, size=max(1, _WORK // len(memory.map)))
-            nowhere = np.zeros(memory.map.nodes)
+            starts = self._rng.integers(size, size=max(1, _WORK // len(memory)))
             begin = process_time()
             for neuron in starts.tolist():
-                planner.plan(memory, Now(neuron, nowhere))
+                planner.plan(memory, in_neuron(neuron))
             found[str(size)] = (process_time() - begin) / len(starts)
         return found
 
@@ -51,7 +48,7 @@ class Planning:
         rows = []
         for smaller, size in zip((_NEURONS[0], *_NEURONS), _NEURONS, strict=False):
             plan, before = medians[str(size)], medians[str(smaller)]
-            ways, fewer = (len(self._maps[n].map) for n in (size, smaller))
+            ways, fewer = (len(self._maps[n]) for n in (size, smaller))
             rows.append(
                 Figure(
                     f"a plan, {size:,} neurons",
@@ -62,7 +59,7 @@ class Planning:
             )
         return rows
 
-    def _map(self, size: int) -> Memory:
+    def _map(self, size: int) -> SensorimotorMap:
         rng = self._rng
         past = np.repeat(np.arange(size), _EACH)
         way = rng.integers(-_FAR, _FAR + 1, size=len(past)) * _COMMANDS
@@ -70,6 +67,12 @@ class Planning:
         past, present = np.unique(np.stack([past, present]), axis=1)
         transitions = SensorimotorMap(size // _COMMANDS, _COMMANDS)
         z = rng.integers(1, 20, size=len(past))
-        transitions.load(present, past, z, rng.random(len(past)))
+        transitions.load({"past": past, "present": present, "z": z, "w_r": rng.random(len(past))})
         transitions.transitions()
-        return Memory(transitions, GradedMap(1, _COMMANDS))  # which this planner does not look at
+        return transitions
+
+
+def in_neuron(neuron: int) -> Moment:
+    """A moment of which only the neuron is known."""
+    nothing = np.zeros(0)
+    return Moment(nothing, nothing, Resonance(neuron // _COMMANDS, True, 1.0), neuron)

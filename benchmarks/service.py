@@ -22,7 +22,6 @@ from watching import Recording, recorder_and_dashboard, subscribers
 
 import macor_hil.live_run
 from macor_hil.bench import ZenohBench
-from macor_hil.brain import Brain, Settings
 from macor_hil.cameras.checks import CheckedCamera
 from macor_hil.cameras.on_zenoh import ZenohCamera
 from macor_hil.checkpoints import train_map
@@ -30,7 +29,9 @@ from macor_hil.demo import DemoSettings, emulator_process
 from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
 from macor_hil.line import Line
-from macor_hil.planners.expected import Expected
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.planners.expected import Expected
+from macor_hil.mind.settings import MindSettings
 from macor_hil.robot import Khepera
 from macor_hil.service import ServiceConfig, serve
 from macor_hil.telemetry.publisher import Publisher
@@ -220,7 +221,7 @@ def _train(path: Path) -> None:
     schedule = Schedule(tuning=20, random=200, reactive=0)
     with open_hardware(port) as hardware:
         driven = (Driver(hardware.robot), hardware.camera, hardware.bench)
-        train_map(path, Settings(), schedule, port, driven, lambda _: None)
+        train_map(path, MindSettings(), schedule, port, driven, lambda _: None)
 
 
 if __name__ == "__main__":

@@ -6,20 +6,21 @@ from time import process_time
 
 import numpy as np
 from figures import Figure
+from planning import in_neuron
 from stopwatch import Part, Stopwatch
 
 from khepera_emulator.robot import Robot
 from macor_hil.bench import PortBench
-from macor_hil.brain import Brain, Settings
 from macor_hil.cameras import PortCamera
-from macor_hil.clustering.fuzzy_art import FuzzyArt
 from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
-from macor_hil.planners.anticipative import Anticipative
-from macor_hil.planners.planner import Now
-from macor_hil.planners.reactive import Reactive
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.memories.transitions import SensorimotorMap
+from macor_hil.mind.planners.anticipative import Anticipative
+from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.robot import Khepera
-from macor_hil.sensorimotor_map import SensorimotorMap
 from macor_hil.training import Phase, Schedule, Session, Trainer
 
 _TUNING, _RANDOM, _COMMANDS = 150, 600, 100
@@ -45,7 +46,7 @@ class TrainingCommand:
     def __init__(self, stack: ExitStack) -> None:
         hardware = stack.enter_context(open_hardware("khepera://corridor?seed=1"))
         self._port = hardware.robot.port
-        self._brain = Brain(Settings())
+        self._brain = build_brain()
         self._trainer = Trainer(
             self._brain, Driver(hardware.robot), hardware.camera, hardware.bench, Schedule()
         )
@@ -107,11 +108,12 @@ class TrainingCommand:
         return process_time() - start
 
     def _plan(self) -> dict[str, float]:
-        memory = self._brain.memory
-        known = np.unique(memory.map.transitions().past)
+        memory = self._brain.memories["transitions"]
+        assert isinstance(memory, SensorimotorMap)
+        known = np.unique(memory.transitions().past)
         chosen = known[np.linspace(0, len(known) - 1, _PLANS).astype(int)]
-        planner, nowhere = Anticipative(), np.zeros(memory.map.nodes)
+        planner = Anticipative()
         start = process_time()
         for neuron in chosen.tolist():
-            planner.plan(memory, Now(neuron, nowhere))
+            planner.plan(memory, in_neuron(neuron))
         return {"plan": (process_time() - start) / _PLANS}

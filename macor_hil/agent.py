@@ -3,29 +3,22 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from macor_hil.brain import FIRST_COMMAND, Brain
+from macor_hil.arrays import Array
 from macor_hil.cameras import Camera, Frame
-from macor_hil.clustering.fuzzy_art import Resonance
-from macor_hil.drive import COMMANDS, Driver, Outcome
-from macor_hil.planners.planner import Now, Plan, Planner
-from macor_hil.vision.receptive_fields import Features
+from macor_hil.commands import COMMANDS, FIRST_COMMAND
+from macor_hil.drive import Driver, Outcome
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import memory_for
+from macor_hil.mind.experience import Experience, Moment
+from macor_hil.mind.planners.planner import Plan, Planner
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The robot's present moment.
-
-    Attributes:
-        frame: what the camera showed.
-        features: the untuned features of the frame.
-        resonance: the situation that it was taken for.
-        neuron: that situation, entered by the last command.
-    """
+    """A picture and what it was taken for."""
 
     frame: Frame
-    features: Features
-    resonance: Resonance
-    neuron: int
+    moment: Moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +40,12 @@ class Step:
     reinforcement: float
     after: View
 
+    @property
+    def experience(self) -> Experience:
+        """What there is to learn from it."""
+        before, after = self.before.moment, self.after.moment
+        return Experience(before, self.command, after, self.reinforcement, self.outcome.collided)
+
 
 Choice = Callable[[View], tuple[int, Plan]]
 """A way of choosing a command: its index, and the plan behind it."""
@@ -54,13 +53,41 @@ Choice = Callable[[View], tuple[int, Plan]]
 NO_PLAN = Plan((None,) * len(COMMANDS), None)
 
 
-class Agent:
-    """MACOR on a robot: looks, chooses, drives, and learns where it is told to."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Features as they came, and what led to them; for those who record a drive.
 
-    def __init__(self, brain: Brain, driver: Driver, camera: Camera) -> None:
+    Attributes:
+        raw: untuned features, shape (R,).
+        command: index of the command that was driven, or None where a drive begins.
+        collided: whether it ended in a collision.
+    """
+
+    raw: Array
+    command: int | None = None
+    collided: bool = False
+
+
+class Agent:
+    """MACOR on a robot: looks, chooses, drives, and learns where it is told to.
+
+    Args:
+        brain: sees and learns.
+        driver, camera: the robot.
+        witness: hears of everything that is seen.
+    """
+
+    def __init__(
+        self,
+        brain: Brain,
+        driver: Driver,
+        camera: Camera,
+        witness: Callable[[Seen], None] = lambda _: None,
+    ) -> None:
         self.brain = brain
         self._driver = driver
         self._camera = camera
+        self._witness = witness
 
     def begin(self, *, learn: bool) -> View:
         """Start anew where the robot stands: it counts as having come here straight on.
@@ -69,7 +96,9 @@ class Agent:
             RobotError, CameraError: the hardware fails.
         """
         self._driver.start()
-        return self._look(FIRST_COMMAND, learn)
+        view = self._look(FIRST_COMMAND, learn)
+        self._witness(Seen(view.moment.raw))
+        return view
 
     def step(self, view: View, choose: Choice, *, learn: bool) -> Step:
         """Choose a command at a view, drive it, look again.
@@ -78,28 +107,29 @@ class Agent:
             RobotError, CameraError: the hardware fails.
         """
         command, plan = choose(view)
-        motor = COMMANDS[command]
-        outcome = self._driver.execute(motor)
-        r = self.brain.settings.reinforcement(motor, outcome.collided)
+        outcome = self._driver.execute(COMMANDS[command])
+        r = self.brain.earned(command, collided=outcome.collided)
         after = self._look(command, learn)
+        self._witness(Seen(after.moment.raw, command, outcome.collided))
+        step = Step(view, plan, command, outcome, r, after)
         if learn:
-            self.brain.map.learn(view.neuron, after.neuron, r)
-            self.brain.experience(view.features, command, after.features, collided=outcome.collided)
-        return Step(view, plan, command, outcome, r, after)
+            self.brain.learn(step.experience)
+        return step
 
     def planned(self, planner: Planner, fallback: Callable[[], int]) -> Choice:
-        """Choose what a planner finds best; `fallback` where it knows of no command."""
+        """Choose what a planner finds best; `fallback` where it knows of no command.
+
+        Raises:
+            MacorError: the brain has no memory of the kind that the planner reads.
+        """
+        memory = memory_for(self.brain, planner)
 
         def choose(view: View) -> tuple[int, Plan]:
-            now = Now(view.neuron, self.brain.memberships(view.features))
-            plan = planner.plan(self.brain.memory, now)
+            plan = planner.plan(memory, view.moment)
             return (fallback() if plan.command is None else plan.command), plan
 
         return choose
 
     def _look(self, command: int, learn: bool) -> View:
         frame = self._camera.grab()
-        features = self.brain.look(frame.image)
-        resonance = self.brain.recognise(features, learn=learn)
-        neuron = self.brain.map.neuron(resonance.node, command)
-        return View(frame, features, resonance, neuron)
+        return View(frame, self.brain.perceive(self.brain.look(frame.image), command, learn=learn))

@@ -12,13 +12,15 @@ from typing import Annotated, Any, Final
 from pydantic import Field, TypeAdapter
 
 from macor_hil.bench import Bench
-from macor_hil.brain import Brain, Settings
 from macor_hil.cameras import Camera
 from macor_hil.caretaker import Caretaker
 from macor_hil.drive import Driver
 from macor_hil.errors import MapError
 from macor_hil.input_files import InputError, checked
-from macor_hil.map_file import load_map, save_map
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.map_file import load_map, save_map
+from macor_hil.mind.settings import MindSettings
 from macor_hil.training import Phase, Schedule, Session, Trainer
 
 _FACTS: Final = {"place": "port", "drive": "wheels or speeds"}
@@ -51,7 +53,7 @@ def checkpoint_path(path: Path) -> Path:
 
 def train_map(
     path: Path,
-    settings: Settings,
+    settings: MindSettings,
     schedule: Schedule,
     place: str,
     hardware: tuple[Driver, Camera, Bench | None],
@@ -84,7 +86,7 @@ def train_map(
         "drive": asdict(driver.settings),
     }
     part = checkpoint_path(path)
-    brain, first, done = Brain(settings), 0, 0
+    brain, first, done = build_brain(settings), 0, 0
     seen: list[list[float]] = []
     if part.exists():
         brain, first, done, seen = _resume(part, settings, schedule, facts)
@@ -147,7 +149,7 @@ def _save_with_a_hand(
 
 
 def _resume(
-    part: Path, settings: Settings, schedule: Schedule, facts: dict[str, Any]
+    part: Path, settings: MindSettings, schedule: Schedule, facts: dict[str, Any]
 ) -> tuple[Brain, int, int, list[list[float]]]:
     """The brain, sessions done, commands done of the next one, and what was seen in tuning."""
     brain, training = load_map(part)
@@ -162,7 +164,7 @@ def _resume(
     given = {name: value for name, value in training.items() if name not in facts}
     try:
         progress = checked(_PROGRESS, given)
-        _check_fits(progress, schedule.sessions(), brain.fields.size)
+        _check_fits(progress, schedule.sessions(), brain.eyes.raw_size)
     except InputError as error:
         raise MapError(
             f"the checkpoint {part} is damaged: {error}; begin anew with --restart"

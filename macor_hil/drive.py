@@ -13,35 +13,15 @@ is raised leaves a drive before the robot stands.
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf, radians, sqrt
+from math import inf, sqrt
 
+from macor_hil.commands import LONGEST_WAY as LONGEST_WAY
+from macor_hil.commands import MotorCommand
 from macor_hil.errors import RobotResetError, StrayedError
 from macor_hil.odometry import Wheels
 from macor_hil.robot import Khepera, WheelStatus
 from macor_hil.standstill import standing_on_failure
 from protocol.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
-
-
-@dataclass(frozen=True, slots=True)
-class MotorCommand:
-    """An arc of a length in metres that turns by an angle in radians, left positive."""
-
-    name: str
-    turn: float
-    way: float = 0.021
-
-
-LEFT = MotorCommand("left", radians(12))
-RIGHT = MotorCommand("right", radians(-12))
-STRAIGHT = MotorCommand("straight", 0.0)
-COMMANDS = (LEFT, RIGHT, STRAIGHT)
-"""The three commands of the paper's section 3.1: s = 2.1 cm each, turning 12, -12 or 0 degrees."""
-
-LONGEST_WAY = max(command.way for command in COMMANDS)
-"""Metres that a command takes a robot that nobody can stop."""
-
-MIRRORED = (COMMANDS.index(RIGHT), COMMANDS.index(LEFT), COMMANDS.index(STRAIGHT))
-"""Index of the command that drives the mirror image of each."""
 
 
 @dataclass(frozen=True, slots=True)

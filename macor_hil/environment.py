@@ -28,21 +28,14 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from macor_hil.cameras import Frame
-from macor_hil.drive import (
-    COMMANDS,
-    LEFT,
-    STRAIGHT,
-    Driver,
-    DriveSettings,
-    MotorCommand,
-    Outcome,
-)
+from macor_hil.commands import COMMANDS, LEFT, STRAIGHT, MotorCommand
+from macor_hil.drive import Driver, DriveSettings, Outcome
 from macor_hil.errors import MacorError
 from macor_hil.hardware import is_embedded, open_hardware
-from macor_hil.reinforcement import Reinforcement
+from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
+from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
+from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.trials import MAX_COMMANDS, Spread
-from macor_hil.vision.receptive_fields import ReceptiveFields
-from macor_hil.vision.unwrap import PanoramaSize, Unwrapper
 from macor_hil.watchdog import stopped_after
 from protocol.mirror import Mirror
 from protocol.side_channel import Pose, Reset

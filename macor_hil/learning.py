@@ -13,16 +13,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from macor_hil.brain import FIRST_COMMAND, Brain
+from macor_hil.arrays import Array, Image
 from macor_hil.cameras.decoding import decode_picture
-from macor_hil.drive import COMMANDS
+from macor_hil.commands import COMMANDS, FIRST_COMMAND
 from macor_hil.errors import CameraError, RecordingError, WrongPictureError
-from macor_hil.reinforcement import MOST
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.experience import Experience
+from macor_hil.mind.experience import Moment as Seen
+from macor_hil.mind.stored import MOST_EARNED
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.keys import DECISION, FRAME
 from macor_hil.telemetry.schemas import Decision
-from macor_hil.vision.receptive_fields import Features
-from macor_hil.vision.unwrap import Image
 from protocol.keys import CONTROLLER
 
 _log = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ class Moment(NamedTuple):
         collided: whether it ended in a collision.
     """
 
-    raw: Features
+    raw: Array
     command: int | None
     reinforcement: float
     collided: bool
@@ -71,7 +72,7 @@ class _Run:
         newest: greatest number of a frame so far.
     """
 
-    frames: dict[int, Features] = field(default_factory=dict)
+    frames: dict[int, Array] = field(default_factory=dict)
     decisions: dict[int, _Driven] = field(default_factory=dict)
     newest: int = -1
     _numbers: dict[int, int] = field(default_factory=dict)
@@ -87,7 +88,7 @@ class _Run:
         taken = number in self.frames and self.number_at(time) != number
         return taken or number < self.newest - _OUT_OF_ORDER
 
-    def add(self, number: int, time: float, features: Features) -> None:
+    def add(self, number: int, time: float, features: Array) -> None:
         """Add a frame."""
         self.frames[number] = features
         self._numbers[round(time / _TICK)] = number
@@ -125,15 +126,14 @@ def learn(brain: Brain, recordings: Iterable[Iterable[Event]], rng: np.random.Ge
 
 
 def _take_in(brain: Brain, drive: Iterable[Moment]) -> None:
-    before: tuple[int, Features] | None = None
+    before: Seen | None = None
     for moment in drive:
-        node = brain.recognise(moment.raw, learn=True).node
         command = FIRST_COMMAND if moment.command is None else moment.command
-        neuron = brain.map.neuron(node, command)
+        after = brain.perceive(moment.raw, command, learn=True)
         if before is not None and moment.command is not None:
-            brain.map.learn(before[0], neuron, moment.reinforcement)
-            brain.experience(before[1], command, moment.raw, collided=moment.collided)
-        before = neuron, moment.raw
+            r, collided = moment.reinforcement, moment.collided
+            brain.learn(Experience(before, command, after, r, collided))
+        before = after
 
 
 def _runs(brain: Brain, events: Iterable[Event], left_out: Counter[str]) -> list[_Run]:
@@ -183,7 +183,11 @@ def _add_decision(runs: list[_Run], event: Arrival, left_out: Counter[str]) -> N
         decision = Decision.model_validate_json(event.data)
     except ValueError:
         decision = None
-    if decision is None or decision.command not in _NAMES or abs(decision.reinforcement) > MOST:
+    if (
+        decision is None
+        or decision.command not in _NAMES
+        or abs(decision.reinforcement) > MOST_EARNED
+    ):
         left_out["decisions that cannot be read"] += 1
         return
     command = _NAMES.index(decision.command)

@@ -4,24 +4,24 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from pydantic import ValidationError
 
 from macor_hil.agent import Agent, Step
-from macor_hil.brain import Brain
 from macor_hil.cameras import Camera
-from macor_hil.cameras.checks import CheckedCamera, is_hopeless, limits_for
+from macor_hil.cameras.checks import CheckedCamera, is_hopeless, limits_of
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.drive import LONGEST_WAY, Driver, DriveSettings, all_of
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.interruption import Interruption
 from macor_hil.late_bell import LateBell
-from macor_hil.memory import Memory
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.experience import Moment
+from macor_hil.mind.planners.planner import Plan, Planner
 from macor_hil.odometry import integrate
-from macor_hil.planners.planner import Now, Plan, Planner
 from macor_hil.robot import Khepera
 from macor_hil.service_config import Ending, ServiceConfig
 from macor_hil.standstill import standing_on_failure
@@ -109,7 +109,7 @@ class LiveRun:
         """
         if is_embedded(self._config.port):
             self._clock = hardware.robot.clock
-        camera = CheckedCamera(hardware.camera, limits_for(brain.unwrap.mirror))
+        camera = CheckedCamera(hardware.camera, limits_of(brain.eyes))
         rng = np.random.default_rng(self._config.seed)
         self._tell_map(brain)
         with (
@@ -140,7 +140,7 @@ class LiveRun:
         for step in drive(agent, planner, rng, self._config.commands - self.driven):
             self._time = self._clock()
             self._in_a_row = 0
-            self._count(step, agent.brain)
+            self._count(step)
             if self._publisher:
                 self._publisher.link(link_of(hardware.robot.meter.read(), self._time))
             self._interruption.check()
@@ -202,14 +202,13 @@ class LiveRun:
             with _telling():
                 self._publisher.learned(learned_of(brain), self._time)
 
-    def _count(self, step: Step, brain: Brain) -> None:
+    def _count(self, step: Step) -> None:
         self.total += step.reinforcement
         self._odometry = self._advance(step.outcome.counters)
         sequence, self.driven = self.driven, self.driven + 1
         with _telling():
             decision = decision_of(
                 step,
-                fields=brain.fields,
                 time=self._time,
                 sequence=sequence,
                 total_reinforcement=self.total,
@@ -266,7 +265,12 @@ class _TimedPlanner:
         self._bell = bell
         self._decided = decided
 
-    def plan(self, memory: Memory, now: Now) -> Plan:
-        """What the planner makes of it."""
+    @property
+    def memory(self) -> str:
+        """Name of the memory that the planner reads."""
+        return self._planner.memory
+
+    def plan(self, memory: Any, now: Moment) -> Plan:
+        """Let the planner plan."""
         with self._bell.timing(self._decided):
             return self._planner.plan(memory, now)

@@ -12,7 +12,7 @@ from pydantic_core import from_json, to_json
 
 from macor_hil.calibration import Run
 from macor_hil.errors import CalibrationError
-from macor_hil.map_file import write_atomically
+from macor_hil.mind.map_file import write_atomically
 from macor_hil.odometry import Wheels
 
 _MOST_BYTES: Final = 1_000_000

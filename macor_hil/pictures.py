@@ -5,11 +5,11 @@ from math import cos, degrees, sin
 from pathlib import Path
 from typing import Any
 
-from macor_hil.brain import Brain
+from macor_hil.arrays import Image
 from macor_hil.errors import MacorError
+from macor_hil.mind.eyes.opponent import CHANNELS
+from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.trials import Trial
-from macor_hil.vision.opponent import CHANNELS
-from macor_hil.vision.unwrap import Image
 from protocol.extras import how_to_install
 from protocol.side_channel import Outline
 
@@ -46,20 +46,20 @@ def draw_trials(path: Path, outline: Outline, trials: Mapping[str, Trial]) -> No
     figure.savefig(path, dpi=110)
 
 
-def draw_view(path: Path, brain: Brain, image: Image) -> None:
+def draw_view(path: Path, eyes: PanoramaEyes, image: Image) -> None:
     """What the robot sees, and what its receptive fields make of it.
 
     Args:
         path: where the PNG goes.
-        brain: eyes to look with; its fields may be tuned or not.
+        eyes: to look with; their fields may be tuned or not.
         image: a mirror image.
 
     Raises:
         MacorError: Matplotlib is not installed.
         CameraError: the image does not fit the mirror's geometry.
     """
-    panorama = brain.unwrap(image)
-    features = brain.fields.tune(brain.fields.raw(panorama)).reshape(-1, len(CHANNELS)).T
+    panorama = eyes.unwrap(image)
+    features = eyes.fields(panorama).reshape(-1, len(CHANNELS)).T
     figure = _figure()(figsize=(9.0, 5.0), layout="constrained")
     shape = [["mirror", "panorama"], ["mirror", "fields"]]
     axes = figure.subplot_mosaic(shape, width_ratios=[1, 1.6], height_ratios=[1.2, 1])
@@ -69,8 +69,8 @@ def draw_view(path: Path, brain: Brain, image: Image) -> None:
     extent = (
         180.0,
         -180.0,
-        degrees(brain.settings.mirror.low),
-        degrees(brain.settings.mirror.high),
+        degrees(eyes.mirror.low),
+        degrees(eyes.mirror.high),
     )
     axes["panorama"].imshow(panorama[..., ::-1], extent=extent, aspect="auto")
     axes["panorama"].set_title("panorama", fontsize=10)

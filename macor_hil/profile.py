@@ -13,7 +13,7 @@ from pydantic_core import from_json, to_json
 
 from macor_hil.errors import ProfileError
 from macor_hil.input_files import MIB, InputError, checked, read_bounded
-from macor_hil.map_file import write_atomically
+from macor_hil.mind.map_file import write_atomically
 from macor_hil.odometry import Wheels
 from protocol.mirror import StoredMirror
 from protocol.text import printable

@@ -12,22 +12,21 @@ from dataclasses import replace
 
 import zenoh
 
-from macor_hil.brain import Brain
 from macor_hil.drive import DriveSettings
 from macor_hil.errors import MacorError
 from macor_hil.hardware import open_hardware
 from macor_hil.interruption import Interruption, signals_taken_over
 from macor_hil.live_run import LiveRun, OnStep
-from macor_hil.map_file import load_map
-from macor_hil.planners.planner import Planner
-from macor_hil.planners.table import PLANNERS
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import make_planner, memory_for
+from macor_hil.mind.map_file import load_map
 from macor_hil.profile import load_profile
 from macor_hil.service_config import Ending, RunReport, ServiceConfig
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey
 
-__all__ = ["Ending", "OnStep", "RunReport", "ServiceConfig", "find_planner", "serve"]
+__all__ = ["Ending", "OnStep", "RunReport", "ServiceConfig", "serve"]
 
 
 def serve(config: ServiceConfig, on_step: OnStep | None = None) -> RunReport:
@@ -45,7 +44,8 @@ def serve(config: ServiceConfig, on_step: OnStep | None = None) -> RunReport:
             failed for good. If the robot could not be stopped, the message says so.
     """
     brain, drive = _prepare(config)
-    planner = find_planner(config.planner)
+    planner = make_planner(config.planner)
+    memory_for(brain, planner)  # a map without it is refused before anything moves
     with (
         signals_taken_over() as interruption,
         _telemetry(config, interruption) as (session, publisher),
@@ -65,27 +65,16 @@ def serve(config: ServiceConfig, on_step: OnStep | None = None) -> RunReport:
         return RunReport(run.ending, run.driven, run.total, interruption.name, run.recoveries)
 
 
-def find_planner(name: str) -> Planner:
-    """A new planner by its name.
-
-    Raises:
-        MacorError: there is none of this name.
-    """
-    if name not in PLANNERS:
-        raise MacorError(f"there is no planner {name!r}; there are {', '.join(PLANNERS)}")
-    return PLANNERS[name]()
-
-
 def _prepare(config: ServiceConfig) -> tuple[Brain, DriveSettings]:
     """What is driven by, with what was measured on the robot."""
     brain, _ = load_map(config.map_file)
-    if not brain.art.size:
+    if not brain.clusterer.size:
         raise MacorError(f"the map {config.map_file} holds no situations; train it first")
     if config.profile is None:
         return brain, config.drive
     profile = load_profile(config.profile)
     if profile.mirror is not None:
-        brain.look_into(profile.mirror)
+        brain.eyes.look_through(profile.mirror)
     return brain, replace(config.drive, wheels=profile.wheels)
 
 

@@ -20,14 +20,17 @@ from typing import Final
 
 import numpy as np
 
-from macor_hil.agent import NO_PLAN, Agent, Choice, View
+from macor_hil.agent import NO_PLAN, Agent, Choice, Seen, View
 from macor_hil.bench import Bench
-from macor_hil.brain import Brain
 from macor_hil.cameras import Camera
 from macor_hil.caretaker import Caretaker
-from macor_hil.drive import COMMANDS, Driver
+from macor_hil.commands import COMMANDS
+from macor_hil.drive import Driver
 from macor_hil.errors import CameraError, RobotError
-from macor_hil.planners.reactive import Reactive
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.planners.reactive import Reactive
+from macor_hil.mind.settings import MindSettings
 from protocol.side_channel import Reset
 
 _STUCK: Final = 8
@@ -108,6 +111,7 @@ class Trainer:
         bench: reset of an emulated robot, or None.
         schedule: how much.
         care: gets robot and camera over their failures; None: a failure ends the training.
+        witness: hears of everything that is seen after the tuning.
 
     Attributes:
         seen: features that have been seen in tuning, shape (commands, M) as lists.
@@ -121,7 +125,9 @@ class Trainer:
         bench: Bench | None,
         schedule: Schedule,
         care: Caretaker | None = None,
+        witness: Callable[[Seen], None] = lambda _: None,
     ) -> None:
+        self._witness = witness
         self.seen: list[list[float]] = []
         self._care = care
         self._stuck = 0
@@ -148,12 +154,14 @@ class Trainer:
             self._bench.reset(Reset(random=True, seed=int(rng.integers(2**31))))
         if session.phase is Phase.TUNING:
             # what the untuned eyes take for situations is thrown away
-            scratch = Agent(Brain(self._brain.settings), self._driver, self._camera)
+            scratch = Agent(
+                build_brain(self._brain.settings or MindSettings()), self._driver, self._camera
+            )
             for view in self._drive(session, scratch, rng, progress, done):
-                self.seen.append(view.features.tolist())
+                self.seen.append(view.moment.raw.tolist())
             self._brain.tune(np.array(self.seen), rng)
         else:
-            agent = Agent(self._brain, self._driver, self._camera)
+            agent = Agent(self._brain, self._driver, self._camera, self._witness)
             for _ in self._drive(session, agent, rng, progress, done):
                 pass
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from macor_hil.agent import Agent, Step
 from macor_hil.bench import Bench
-from macor_hil.drive import COMMANDS
-from macor_hil.planners.planner import Planner
+from macor_hil.commands import COMMANDS
+from macor_hil.mind.planners.planner import Planner
 from protocol.side_channel import Pose, Reset, Truth
 
 MAX_COMMANDS = 40

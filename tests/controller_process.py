@@ -15,8 +15,8 @@ from pathlib import Path
 from macor_hil import service
 from macor_hil.drive import DriveSettings
 from macor_hil.errors import MacorError
-from macor_hil.planners.planner import Plan
-from macor_hil.planners.reactive import Reactive
+from macor_hil.mind.planners.planner import Plan
+from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.robot import Khepera
 
 SLOW = 2.5

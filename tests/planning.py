@@ -1,11 +1,16 @@
-"""Planners on a map alone, as most tests use them."""
+"""Planners and memories on their own, as most tests use them."""
 
 import numpy as np
 
-from macor_hil.graded_map import GradedMap
-from macor_hil.memory import Memory
-from macor_hil.planners.planner import Now, Plan, Planner
-from macor_hil.sensorimotor_map import SensorimotorMap
+from macor_hil.mind.experience import Moment, Resonance
+from macor_hil.mind.memories.transitions import SensorimotorMap
+from macor_hil.mind.planners.planner import Plan, Planner
+
+
+def moment(neuron: int = 0, features: np.ndarray | None = None) -> Moment:
+    """A moment in a neuron, or at features."""
+    x = np.zeros(0) if features is None else features
+    return Moment(x, x, Resonance(neuron, True, 1.0), neuron)
 
 
 def square(transitions: SensorimotorMap, what: str) -> np.ndarray:
@@ -18,6 +23,4 @@ def square(transitions: SensorimotorMap, what: str) -> np.ndarray:
 
 def plan(planner: Planner, transitions: SensorimotorMap, start: int) -> Plan:
     """What a planner makes of a map at a neuron."""
-    nodes, commands = transitions.nodes, transitions.commands
-    memory = Memory(transitions, GradedMap(nodes, commands))
-    return planner.plan(memory, Now(start, np.eye(nodes)[start // commands]))
+    return planner.plan(transitions, moment(start))

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from macor_hil.brain import Settings
 from macor_hil.checkpoints import train_map
 from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
+from macor_hil.mind.settings import MindSettings
 from macor_hil.training import Schedule
 
 OPEN_BOX = "khepera://open-box?seed=1&drift=none"
@@ -16,5 +16,5 @@ def train_shortly(path: Path, port: str = OPEN_BOX, *, tuning: int = 15, random:
     schedule = Schedule(tuning=tuning, random=random, reactive=0, session=random)
     with open_hardware(port) as hardware:
         driven = (Driver(hardware.robot), hardware.camera, hardware.bench)
-        train_map(path, Settings(), schedule, port, driven, lambda _: None)
+        train_map(path, MindSettings(), schedule, port, driven, lambda _: None)
     return path

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from macor_hil.brain import Settings
 from macor_hil.errors import MacorError
 from macor_hil.experiments.recording import Drive
 from macor_hil.experiments.runner import reproduce
 from macor_hil.experiments.systems import Course
 from macor_hil.experiments.table1 import TABLE1
+from macor_hil.mind.settings import MindSettings
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 
-DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
+DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))
 COURSE = Course(trials=2, commands=2)
 TINY = replace(
     TABLE1,

@@ -4,7 +4,8 @@ import signal
 
 import pytest
 
-from macor_hil.drive import STRAIGHT, Driver
+from macor_hil.commands import STRAIGHT
+from macor_hil.drive import Driver
 from macor_hil.errors import RobotError
 from macor_hil.hardware import open_hardware
 

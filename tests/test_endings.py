@@ -18,7 +18,7 @@ from macor_hil.claim import claim, lock_of
 from macor_hil.cli import program
 from macor_hil.cli.ending import SUMMARY, Status
 from macor_hil.errors import MacorError
-from macor_hil.map_file import write_atomically
+from macor_hil.mind.map_file import write_atomically
 
 ENDS = [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0)]
 DOCS = Path(__file__).parent.parent / "docs"

@@ -14,10 +14,10 @@ from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
 from rig import rig
 
-from macor_hil.drive import COMMANDS, MotorCommand
+from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.environment import LONGEST_HOLD, Observation, Start, graded
 from macor_hil.errors import MacorError
-from macor_hil.reinforcement import Reinforcement
+from macor_hil.mind.reinforcement import Reinforcement
 
 IDS = ("khepera/Commands-v0", "khepera/Wheels-v0")
 EXAMPLE = Path(__file__).parent.parent / "examples" / "gymnasium_learner.py"

@@ -17,12 +17,8 @@ import numpy as np
 import pytest
 from planning import square
 
-from macor_hil.brain import Brain, Settings
 from macor_hil.cli import learning
-from macor_hil.clustering.clusterer import situations
-from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.neural_gas import Breadth
-from macor_hil.drive import COMMANDS, Driver
+from macor_hil.drive import Driver
 from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue, sources
 from macor_hil.experiments import recording as recording_module
@@ -36,14 +32,16 @@ from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordin
 from macor_hil.experiments.results import ResultsFile, only_one
 from macor_hil.experiments.runner import COSTS, reproduce
 from macor_hil.experiments.sources import bare_code, code_of, digest
-from macor_hil.experiments.systems import Course, learn_transitions
+from macor_hil.experiments.systems import Course, relearn
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
 from macor_hil.hardware import open_hardware
-from macor_hil.reinforcement import Reinforcement
-from macor_hil.sensorimotor_map import SensorimotorMap
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.clusterers.neural_gas import Breadth
+from macor_hil.mind.reinforcement import Reinforcement
+from macor_hil.mind.settings import MindSettings
 from macor_hil.training import Schedule, Session, Trainer
 
-DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
+DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))
 COURSE = Course(trials=2, commands=2)
 
 
@@ -106,20 +104,24 @@ def test_a_recording_holds_every_command(recording: Recording) -> None:
 
 def test_learning_from_a_recording_gives_the_map_of_a_live_training(recording: Recording) -> None:
     schedule = DRIVE.schedule(1)
-    live = Brain(DRIVE.brain)
+    live = build_brain(DRIVE.brain)
     with open_hardware(DRIVE.port(1)) as hardware:
         driver = Driver(hardware.robot)
         trainer = Trainer(live, driver, hardware.camera, hardware.bench, schedule)
         for session in schedule.sessions():
             trainer.run(session, lambda _: None)
-    art = FuzzyArt(36, 8, DRIVE.brain.vigilance, DRIVE.brain.alpha)
-    memory = SensorimotorMap(8, len(COMMANDS))
-    nodes = situations(art, recording.inputs, learn=True)
-    learn_transitions(memory, nodes, recording, Reinforcement())
-    assert (art.weights == live.art.weights).all()
-    assert (square(memory, "z") == square(live.map, "z")).all()
-    assert (square(memory, "w_r") == square(live.map, "w_r")).all()
-    assert square(memory, "w_c") == pytest.approx(square(live.map, "w_c"))
+    again = build_brain(DRIVE.brain)
+    again.eyes.load(live.eyes.state())
+    again.memories["graded"].situations = live.memories["graded"].situations
+    relearn(again, recording)
+    assert (again.clusterer.weights == live.clusterer.weights).all()
+    known, memory = live.memories["transitions"], again.memories["transitions"]
+    assert (square(memory, "z") == square(known, "z")).all()
+    assert (square(memory, "w_r") == square(known, "w_r")).all()
+    assert square(memory, "w_c") == pytest.approx(square(known, "w_c"))
+    for name, memory in again.memories.items():
+        for what, array in memory.state().items():
+            assert (array == live.memories[name].state()[what]).all(), (name, what)
 
 
 def test_a_recording_is_kept(recordings: Recordings, recording: Recording) -> None:
@@ -178,9 +180,10 @@ def test_drives_with_a_common_beginning_are_those_driven_in_one_go(
         pieced = recordings[1]
         for name in ("raw", "commands", "collided"):
             assert (getattr(pieced, name) == getattr(at_once, name)).all(), name
-        assert (pieced.brain.art.weights == at_once.brain.art.weights).all()
-        assert (pieced.brain.graded.led_to == at_once.brain.graded.led_to).all()
-        assert (square(pieced.brain.map, "z") == square(at_once.brain.map, "z")).all()
+        assert (pieced.brain.clusterer.weights == at_once.brain.clusterer.weights).all()
+        for name, memory in pieced.brain.memories.items():
+            for what, array in memory.state().items():
+                assert (array == at_once.brain.memories[name].state()[what]).all(), (name, what)
         assert pieced.robot_seconds == pytest.approx(at_once.robot_seconds, abs=0.1)
         # the beginning was driven once, for both
         assert recordings.beginnings is not None

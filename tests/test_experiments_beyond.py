@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from planning import square
 
-from macor_hil.brain import Settings
-from macor_hil.drive import COMMANDS, STRAIGHT
+from macor_hil.commands import COMMANDS, STRAIGHT
 from macor_hil.experiments import goals
 from macor_hil.experiments.beyond import BEYOND
 from macor_hil.experiments.blocks import Table, Text
@@ -19,8 +18,9 @@ from macor_hil.experiments.learning import ANTICIPATIVE, GRADED, SYSTEMS, learn_
 from macor_hil.experiments.recording import Drive, Recordings
 from macor_hil.experiments.runner import reproduce
 from macor_hil.experiments.systems import Course, trial_from_json
+from macor_hil.mind.settings import MindSettings
 
-DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
+DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))
 COURSE = Course(trials=1, commands=2)
 
 
@@ -72,15 +72,17 @@ def test_a_changed_goal_is_learned_from_the_change_on(recordings: Recordings) ->
     settings = experiment.settings
     system = learn_all(settings, recordings[1])[ANTICIPATIVE]
     same = goals._changed(settings, system, recordings[1], 0)
-    np.testing.assert_array_equal(square(same.mind.map, "w_r"), square(system.mind.map, "w_r"))
-    np.testing.assert_array_equal(square(same.mind.map, "w_c"), square(system.mind.map, "w_c"))
+    before, unchanged = (one.brain.memories["transitions"] for one in (system, same))
+    np.testing.assert_array_equal(square(unchanged, "w_r"), square(before, "w_r"))
+    np.testing.assert_array_equal(square(unchanged, "w_c"), square(before, "w_c"))
     changed = goals._changed(settings, system, recordings[1], 31)
+    after = changed.brain.memories["transitions"]
     # transitions by straight on: they earn what they earn now
-    straight = np.zeros_like(square(changed.mind.map, "w_r"), dtype=bool)
+    straight = np.zeros_like(square(after, "w_r"), dtype=bool)
     straight[COMMANDS.index(STRAIGHT) :: len(COMMANDS)] = True
-    seen = (square(changed.mind.map, "w_r") != square(system.mind.map, "w_r")) & straight
+    seen = (square(after, "w_r") != square(before, "w_r")) & straight
     assert seen.any()
-    assert set(square(changed.mind.map, "w_r")[seen].round(6)) <= {0.1, 0.05}
+    assert set(square(after, "w_r")[seen].round(6)) <= {0.1, 0.05}
     result = experiment.trial(settings, 1, recordings)
     assert list(result["after"]) == ["0", "20"]
     assert experiment.draw(settings, {1: result})
@@ -108,4 +110,4 @@ def test_an_experiment_may_take_fewer_seeds(tmp_path: Path) -> None:
 def test_all_systems_share_their_situations(recordings: Recordings) -> None:
     systems = learn_all(tiny(BEYOND).settings, recordings[1])
     assert tuple(systems) == SYSTEMS
-    assert len({id(system.mind.clusterer) for system in systems.values()}) == 1
+    assert len({id(system.brain.clusterer) for system in systems.values()}) == 1

@@ -8,28 +8,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from planning import moment
 
-from macor_hil.brain import Brain, Settings
 from macor_hil.errors import MacorError
 from macor_hil.experiments import peers
 from macor_hil.experiments.blocks import Table, Text
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
-from macor_hil.experiments.falcon import (
-    Episode,
-    Falcon,
-    FuzzySets,
-    Parameters,
-    episodes,
-    learn_falcon,
-)
+from macor_hil.experiments.falcon import MEMORY, Falcon, FalconPlanner, Parameters
 from macor_hil.experiments.peers import FALCON, PEERS
 from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings
 from macor_hil.experiments.runner import COSTS, reproduce
-from macor_hil.experiments.systems import Course
-from macor_hil.planners.planner import Now, Plan
-from macor_hil.reinforcement import Reinforcement
+from macor_hil.experiments.systems import Course, relearn
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.experience import Experience
+from macor_hil.mind.planners.planner import Plan
+from macor_hil.mind.settings import MindSettings
 
-DRIVE = Drive(tuning=10, random=24, reactive=6, brain=Settings(nodes=8))
+DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))
 EXPERIMENT = replace(
     PEERS,
     settings=replace(
@@ -49,7 +44,7 @@ COMMANDS = np.array([PUT_DOWN, 0, 2, PUT_DOWN, PUT_DOWN, 1, 2])
 def recording() -> Recording:
     """Two commands, the second a collision; nothing; two commands without one."""
     raw = np.random.default_rng(0).uniform(size=(len(COMMANDS), 36))
-    return Recording(Brain(Settings()), raw, COMMANDS, np.arange(len(COMMANDS)) == 2, 70.0)
+    return Recording(build_brain(), raw, COMMANDS, np.arange(len(COMMANDS)) == 2, 70.0)
 
 
 class Network:
@@ -72,19 +67,22 @@ class Network:
         return action_space, np.array([[0.5], [0.25], [0.5]])
 
 
-def now(x: np.ndarray) -> Now:
-    return Now(0, FuzzySets().memberships(x))
+def learned(falcon: Falcon, recording: Recording) -> Falcon:
+    relearn(replace(recording.brain, memories={MEMORY: falcon}), recording)
+    assert falcon.nodes  # all episodes have ended
+    return falcon
 
 
 def test_a_drive_is_cut_where_the_robot_was_put_down(recording: Recording) -> None:
-    first, second = episodes(recording, Reinforcement())
-    np.testing.assert_array_equal(first.seen, recording.inputs[:2])
-    np.testing.assert_array_equal(second.seen, recording.inputs[4:6])
-    assert first.commands.tolist() == [0, 2]
-    assert second.commands.tolist() == [1, 2]
-    assert first.earned.tolist() == [0.54, 0.0]
-    assert second.earned.tolist() == [0.54, 0.62]
-    assert (first.collided, second.collided) == (True, False)
+    network = Network()
+    learned(Falcon(network, discount=0.0), recording)
+    first, _, second = network.taught
+    np.testing.assert_array_equal(first[0][:, :36], recording.inputs[:2])
+    np.testing.assert_array_equal(second[0][:, :36], recording.inputs[4:6])
+    assert first[1][:, :3].argmax(axis=1).tolist() == [0, 2]
+    assert second[1][:, :3].argmax(axis=1).tolist() == [1, 2]
+    assert first[2][:, 0].tolist() == [0.54, 0.0]
+    assert second[2][:, 0].tolist() == [0.54, 0.62]
 
 
 def test_the_beginning_of_a_drive_is_a_drive(recording: Recording) -> None:
@@ -98,28 +96,25 @@ def test_the_beginning_of_a_drive_is_a_drive(recording: Recording) -> None:
 
 def test_after_a_collision_a_command_is_worth_what_it_earned(recording: Recording) -> None:
     network = Network()
-    falcon = Falcon(network, discount=0.75)
-    first, second = episodes(recording, Reinforcement())
-    falcon.learn(first)
-    sequence, last = network.taught
+    falcon = learned(Falcon(network, discount=0.75), recording)
+    sequence, last, second = network.taught
     assert [channel.shape for channel in sequence] == [(2, 72), (2, 6), (2, 2)]
     assert sequence[1][:, :3].tolist() == [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     # a quarter of what it earned: values stay below 1
     np.testing.assert_allclose(sequence[2][:, 0], [0.135, 0.0])
     for whole, alone in zip(sequence, last, strict=True):
         np.testing.assert_array_equal(whole[-1:], alone)
-    falcon.learn(second)
     assert [len(states) for states, _, _ in network.taught] == [2, 1, 2]
     # neither ended nor followed: nothing can be said of its worth
-    falcon.learn(Episode(second.seen[:1], second.commands[:1], second.earned[:1], False))
+    before, after = moment(features=second[0][0, :36]), moment(features=second[0][1, :36])
+    falcon.learn(Experience(before, 1, after, 0.54, False))
     assert falcon.nodes == 3
 
 
 def test_it_takes_the_best_command_at_what_it_sees() -> None:
     network = Network()
     x = np.linspace(0.0, 1.0, 36)
-    brain = Brain(Settings())
-    plan = Falcon(network, 0.5).plan(brain.memory, now(x))
+    plan = FalconPlanner().plan(Falcon(network, 0.5), moment(features=x))
     assert plan == Plan((0.5, 0.25, 0.5), 0)
     np.testing.assert_array_equal(network.asked[0], np.concatenate([x, 1.0 - x]))
 
@@ -137,14 +132,7 @@ def without_artlib(monkeypatch: pytest.MonkeyPatch) -> None:
     """Networks that learn nothing in place of artlib's."""
     monkeypatch.setattr(peers, "version", lambda _: "0.0")
 
-    def learn(parameters: Parameters, recording: Recording, earns: Reinforcement) -> Falcon:
-        assert (recording.commands != PUT_DOWN).sum() == EXPERIMENT.settings.first
-        falcon = Falcon(Network(), parameters.discount)
-        for episode in episodes(recording, earns):
-            falcon.learn(episode)
-        return falcon
-
-    monkeypatch.setattr(peers, "learn_falcon", learn)
+    monkeypatch.setattr(Falcon, "of", lambda parameters, _: Falcon(Network(), parameters.discount))
 
 
 @pytest.mark.usefixtures("without_artlib")
@@ -166,11 +154,11 @@ def test_all_learn_and_are_told_of_in_one_table(tmp_path: Path) -> None:
         block for block in EXPERIMENT.tell(EXPERIMENT.settings, {1: result}) if type(block) is Table
     )
     assert [row[0] for row in table.rows[:3]] == [*NAMES, "reactive, first 20"]
-    assert table.rows[-1][0] == "graded situations, whole drive"
+    assert table.rows[-1][0] == "graded, whole drive"
     assert [row[0] for row in order.rows[:4]] == [
-        "graded situations over TD-FALCON",
+        "graded over TD-FALCON",
         "TD-FALCON over anticipative",
-        "TD-FALCON over Q-learning",
+        "TD-FALCON over q-learning",
         "TD-FALCON over reactive",
     ]
 
@@ -187,13 +175,12 @@ def result_of(lengths: dict[str, int]) -> dict[str, object]:
 def test_the_candidate_with_the_longest_trials_stands_for_it() -> None:
     settings = EXPERIMENT.settings
     results = {
-        seed: result_of({NAMES[0]: 8, NAMES[1]: 9, "graded situations, first 20": 30})
-        for seed in range(1, 7)
+        seed: result_of({NAMES[0]: 8, NAMES[1]: 9, "graded, first 20": 30}) for seed in range(1, 7)
     }
     assert peers.best(settings, results) == NAMES[1]
     said = " ".join(b.text for b in EXPERIMENT.tell(settings, results) if isinstance(b, Text))
     assert f"{NAMES[1]} drives longest: 9.00 (9.00 to 9.00) commands" in said
-    assert "show: graded situations over TD-FALCON; TD-FALCON over anticipative;" in said
+    assert "show: graded over TD-FALCON; TD-FALCON over anticipative;" in said
     results = dict.fromkeys(range(1, 7), result_of(dict.fromkeys(NAMES, 8)))
     assert peers.best(settings, results) == NAMES[0]
     said = " ".join(b.text for b in EXPERIMENT.tell(settings, results) if isinstance(b, Text))
@@ -204,13 +191,15 @@ def test_artlib_learns_that_a_collision_is_worth_nothing() -> None:
     pytest.importorskip("artlib", reason="the extra 'peers' is not installed")
     free, wall = np.full(36, 0.1), np.full(36, 0.9)
     falcon = Falcon.of(Parameters(discount=0.5), 36)
+    at_free, at_wall = moment(features=free), moment(features=wall)
     for turn in (0, 1):
-        into_it = Episode(np.array([free, wall]), np.array([2, 2]), np.array([0.62, 0.0]), True)
-        earned = np.array([0.62, 0.54, 0.62])
-        round_it = Episode(np.array([free, wall, free]), np.array([2, turn, 2]), earned, False)
-        falcon.learn(into_it)
-        falcon.learn(round_it)
-    left, right, straight = falcon.plan(Brain(Settings()).memory, now(wall)).evaluations
+        falcon.learn(Experience(at_free, 2, at_wall, 0.62, False))
+        falcon.learn(Experience(at_wall, 2, at_wall, 0.0, True))
+        falcon.learn(Experience(at_free, 2, at_wall, 0.62, False))
+        falcon.learn(Experience(at_wall, turn, at_free, 0.54, False))
+        falcon.learn(Experience(at_free, 2, moment(features=free), 0.62, False))
+    plan = FalconPlanner().plan(falcon, at_wall)
+    left, right, straight = plan.evaluations
     assert straight == pytest.approx(0.0)
     assert min(left, right) > 0.2
     assert falcon.nodes >= 4
@@ -224,6 +213,8 @@ def test_with_artlib_the_same_seed_gives_the_same_result(tmp_path: Path) -> None
     assert one == two
     assert all(1 < n <= 20 for n in one["nodes"].values())
     x = recordings[1].inputs
-    falcons = [learn_falcon(Parameters(), recordings[1], Reinforcement()) for _ in range(2)]
-    first, second = ([f.plan(Brain(DRIVE.brain).memory, now(row)) for row in x] for f in falcons)
+    falcons = [learned(Falcon.of(Parameters(), 36), recordings[1]) for _ in range(2)]
+    first, second = (
+        [FalconPlanner().plan(falcon, moment(features=row)) for row in x] for falcon in falcons
+    )
     assert first == second

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from macor_hil.clustering.fuzzy_art import FuzzyArt
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 
 inputs = st.lists(
     st.lists(st.floats(0.0, 1.0), min_size=3, max_size=3), min_size=1, max_size=30

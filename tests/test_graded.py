@@ -1,22 +1,23 @@
 """Graded situations: memberships, shared-out counts, and the planner between the nodes."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from planning import moment
 
-from macor_hil.brain import Brain, Settings
-from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.membership import Prototypes, memberships, placed
-from macor_hil.drive import COMMANDS, LEFT, RIGHT, STRAIGHT
-from macor_hil.graded_map import GradedMap
-from macor_hil.memory import Memory
-from macor_hil.planners.graded import Graded
-from macor_hil.planners.planner import Now
-from macor_hil.sensorimotor_map import SensorimotorMap
+from macor_hil.commands import COMMANDS, LEFT, RIGHT, STRAIGHT
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.experience import Experience
+from macor_hil.mind.memories.graded import GradedMap, GradedMemory
+from macor_hil.mind.memories.prototypes import Prototypes, memberships, placed
+from macor_hil.mind.planners.graded import Graded
+from macor_hil.mind.settings import MindSettings
 
 
 def at(*shares):
@@ -24,11 +25,14 @@ def at(*shares):
 
 
 def now(*shares):
-    return Now(0, at(*shares))
+    return moment(features=at(*shares))
 
 
 def memory_of(graded):
-    return Memory(SensorimotorMap(graded.nodes, graded.commands), graded)
+    """A memory of counts whose inputs are memberships already."""
+    memory = GradedMemory(graded.nodes, graded.commands, graded.nodes, lambda x: x)
+    memory.situations, memory.counts = SimpleNamespace(memberships=lambda x: x), graded
+    return memory
 
 
 @given(arrays(float, st.integers(1, 8), elements=st.floats(0, 20)))
@@ -47,7 +51,7 @@ def test_a_membership_falls_to_one_in_e_at_the_width():
 
 def test_distances_are_how_far_an_input_lies_outside_each_box():
     art = FuzzyArt(2, 3, vigilance=0.8)
-    art.load(np.array([[0.2, 0.2, 0.6, 0.7], [0.9, 0.9, 0.1, 0.1]]))
+    art.load({"weights": np.array([[0.2, 0.2, 0.6, 0.7], [0.9, 0.9, 0.1, 0.1]])})
     # the first box goes from (0.2, 0.2) to (0.4, 0.3)
     assert art.distances(np.array([0.3, 0.25])) == pytest.approx([0.0, 1.25])
     assert art.distances(np.array([0.5, 0.1])) == pytest.approx([0.1 + 0.1, 1.2])
@@ -87,30 +91,36 @@ def test_few_inputs_make_equal_prototypes():
 
 def test_what_a_brain_experiences_it_knows_for_the_mirror_image_too():
     rng = np.random.default_rng(2)
-    brain = Brain(Settings(nodes=6))
-    seen = rng.uniform(size=(40, brain.fields.size))
+    brain = build_brain(MindSettings(nodes=6))
+    seen = rng.uniform(size=(40, brain.eyes.size))
     brain.tune(seen, rng)
     left, right = COMMANDS.index(LEFT), COMMANDS.index(RIGHT)
-    for raw, then in pairwise(seen):
-        brain.experience(raw, left, then, collided=False)
-        brain.experience(raw, right, then, collided=True)
-    turned = Brain(Settings(nodes=6))
-    turned.fields, turned.prototypes = brain.fields, brain.prototypes
-    mirrored = brain.fields.mirrored(seen)
-    for raw, then in pairwise(mirrored):
-        turned.experience(raw, right, then, collided=False)
-        turned.experience(raw, left, then, collided=True)
-    np.testing.assert_allclose(turned.graded.led_to, brain.graded.led_to)
-    np.testing.assert_allclose(turned.graded.earned, brain.graded.earned)
+
+    def live(brain, frames, without, into):
+        for raw, then in pairwise(frames):
+            for command, collided in ((without, False), (into, True)):
+                before = brain.perceive(raw, command, learn=True)
+                after = brain.perceive(then, command, learn=True)
+                r = brain.earned(command, collided=collided)
+                brain.learn(Experience(before, command, after, r, collided))
+        return brain.memories["graded"].counts
+
+    turned = build_brain(MindSettings(nodes=6))
+    turned.eyes.load(brain.eyes.state())
+    turned.memories["graded"].situations = brain.memories["graded"].situations
+    graded = live(brain, seen, left, right)
+    mirrored = live(turned, brain.eyes.mirrored(seen), right, left)
+    np.testing.assert_allclose(mirrored.led_to, graded.led_to)
+    np.testing.assert_allclose(mirrored.earned, graded.earned)
     # a collision is followed by nothing, a drive by something, whichever way round
-    assert brain.graded.led_to[:, left].sum() == pytest.approx(39)
-    assert brain.graded.tried[:, left].sum() == pytest.approx(78)
-    assert not brain.graded.led_to[:, COMMANDS.index(STRAIGHT)].any()
+    assert graded.led_to[:, left].sum() == pytest.approx(39)
+    assert graded.tried[:, left].sum() == pytest.approx(78)
+    assert not graded.led_to[:, COMMANDS.index(STRAIGHT)].any()
 
 
 def test_an_experience_is_shared_out_among_the_situations():
     graded = GradedMap(3, 2)
-    graded.learn(at(0.75, 0.25, 0), 1, at(0, 0.5, 0.5), 0.6)
+    graded.count(at(0.75, 0.25, 0), 1, at(0, 0.5, 0.5), 0.6)
     assert graded.tried[:, 1] == pytest.approx([0.75, 0.25, 0])
     assert graded.earned[:, 1] == pytest.approx([0.45, 0.15, 0])
     assert graded.led_to[0, 1] == pytest.approx([0, 0.375, 0.375])
@@ -121,8 +131,8 @@ def test_an_experience_is_shared_out_among_the_situations():
 
 def test_nothing_follows_a_collision_and_doubt_lowers_what_was_tried_once():
     graded = GradedMap(2, 1)
-    graded.learn(at(1, 0), 0, None, 0.0)
-    graded.learn(at(0, 1), 0, at(0, 1), 0.5)
+    graded.count(at(1, 0), 0, None, 0.0)
+    graded.count(at(0, 1), 0, at(0, 1), 0.5)
     chance, reward = graded.outcomes(doubt=1.0)
     assert chance[0, 0].sum() == 0.0
     assert chance[1, 0].sum() == pytest.approx(0.5)
@@ -134,7 +144,7 @@ def test_values_solve_bellmans_equation():
     graded = GradedMap(5, 2)
     for _ in range(400):
         b, then = rng.dirichlet(np.ones(5)), rng.dirichlet(np.ones(5))
-        graded.learn(b, int(rng.integers(2)), then if rng.random() < 0.9 else None, rng.random())
+        graded.count(b, int(rng.integers(2)), then if rng.random() < 0.9 else None, rng.random())
     chance, reward = graded.outcomes(doubt=1.0)
     planner = Graded(gamma=0.8, settled=1e-12)
     q = np.array([planner.plan(memory_of(graded), now(*row)).evaluations for row in np.eye(5)])
@@ -144,10 +154,10 @@ def test_values_solve_bellmans_equation():
 def test_it_decides_by_all_situations_that_it_is_in():
     graded = GradedMap(3, 2)
     for _ in range(50):
-        graded.learn(at(1, 0, 0), 0, at(1, 0, 0), 0.6)
-        graded.learn(at(1, 0, 0), 1, at(1, 0, 0), 0.5)
-        graded.learn(at(0, 1, 0), 0, None, 0.0)
-        graded.learn(at(0, 1, 0), 1, at(1, 0, 0), 0.5)
+        graded.count(at(1, 0, 0), 0, at(1, 0, 0), 0.6)
+        graded.count(at(1, 0, 0), 1, at(1, 0, 0), 0.5)
+        graded.count(at(0, 1, 0), 0, None, 0.0)
+        graded.count(at(0, 1, 0), 1, at(1, 0, 0), 0.5)
     planner = Graded()
     assert planner.plan(memory_of(graded), now(1, 0, 0)).command == 0
     # mostly in the first situation, and still the danger of the second decides
@@ -157,9 +167,9 @@ def test_it_decides_by_all_situations_that_it_is_in():
 def test_hypotheses_lead_along_the_strongest_situations():
     graded = GradedMap(3, 2)
     for _ in range(200):
-        graded.learn(at(1, 0, 0), 1, at(0, 1, 0), 0.5)
-        graded.learn(at(0, 1, 0), 0, at(0, 0, 1), 0.5)
-        graded.learn(at(0, 0, 1), 0, None, 0.0)
+        graded.count(at(1, 0, 0), 1, at(0, 1, 0), 0.5)
+        graded.count(at(0, 1, 0), 0, at(0, 0, 1), 0.5)
+        graded.count(at(0, 0, 1), 0, None, 0.0)
     plan = Graded().plan(memory_of(graded), now(1, 0, 0))
     assert plan.command == 1
     assert plan.sequence == (1 * 2 + 1, 2 * 2 + 0)
@@ -176,4 +186,6 @@ def test_nothing_tried_means_no_plan():
 def test_stored_counts_must_fit():
     graded = GradedMap(3, 2)
     with pytest.raises(ValueError, match="tried"):
-        graded.load(np.zeros((3, 2, 3)), np.zeros((3, 3)), np.zeros((3, 2)))
+        graded.load(
+            {"led_to": np.zeros((3, 2, 3)), "tried": np.zeros((3, 3)), "earned": np.zeros((3, 2))}
+        )

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from macor_hil.clustering.clusterer import Clusterer, clusterer_errors, situations
-from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.neural_gas import Annealing, Breadth, NeuralGas, search, trained
+from macor_hil.mind.clusterers.clusterer import Clusterer, clusterer_errors, situations
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.clusterers.neural_gas import Annealing, Breadth, NeuralGas, search, trained
 
 
 def corners(count: int, seed: int = 0) -> np.ndarray:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from macor_hil.brain import Settings
-from macor_hil.clustering.fuzzy_art import FuzzyArt
 from macor_hil.experiments.recording import Drive, record
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.settings import MindSettings
 
 artlib = pytest.importorskip("artlib", reason="the extra 'peers' is not installed")
 
@@ -13,7 +13,7 @@ artlib = pytest.importorskip("artlib", reason="the extra 'peers' is not installe
 @pytest.fixture(scope="module")
 def inputs() -> np.ndarray:
     """What the robot saw in 150 random commands."""
-    return record(Drive(tuning=20, random=150, reactive=0, brain=Settings(nodes=8)), 1).inputs
+    return record(Drive(tuning=20, random=150, reactive=0, brain=MindSettings(nodes=8)), 1).inputs
 
 
 @pytest.mark.parametrize("vigilance", [0.7, 0.8, 0.9])

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from planning import plan, square
 
-from macor_hil.planners.anticipative import Anticipative
-from macor_hil.planners.expected import Expected, pooled_outcomes
-from macor_hil.planners.planner import best_command
-from macor_hil.planners.reactive import Reactive
-from macor_hil.sensorimotor_map import Competence, SensorimotorMap
+from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
+from macor_hil.mind.planners.anticipative import Anticipative
+from macor_hil.mind.planners.expected import Expected, pooled_outcomes
+from macor_hil.mind.planners.planner import best_command
+from macor_hil.mind.planners.reactive import Reactive
 
 KNOWN = 50  # adaptations after which a transition is as competent as can be
 
@@ -20,7 +20,7 @@ def memory_of(*transitions: tuple[int, int, float], nodes: int = 6) -> Sensorimo
     memory = SensorimotorMap(nodes, 2)
     for j, i, r in transitions:
         for _ in range(KNOWN):
-            memory.learn(j, i, r)
+            memory.adapt(j, i, r)
     return memory
 
 
@@ -37,7 +37,7 @@ def test_competence_rises_with_adaptation_to_below_one() -> None:
 def test_the_evaluation_is_the_mean_of_what_a_transition_earned() -> None:
     memory = SensorimotorMap(1, 2)
     for r in (0.7, 0.5, 0.0):
-        memory.learn(0, 1, r)
+        memory.adapt(0, 1, r)
     assert square(memory, "z")[1, 0] == 3
     assert square(memory, "w_r")[1, 0] == pytest.approx(0.4)
 
@@ -100,7 +100,7 @@ def test_expected_value_weighs_a_sequence_for_each_command() -> None:
 
 def test_rare_transitions_are_devalued() -> None:
     memory = memory_of((0, 3, 0.5))
-    memory.learn(0, 2, 0.9)
+    memory.adapt(0, 2, 0.9)
     assert plan(Reactive(), memory, 0).command == 1
 
 
@@ -127,7 +127,7 @@ def test_planning_ends_and_sequences_never_meet_a_neuron_twice(
 ) -> None:
     memory = SensorimotorMap(6, 2)
     for j, i, r in transitions:
-        memory.learn(j, i, r)
+        memory.adapt(j, i, r)
     found = plan(Anticipative(), memory, start)
     path = (start, *found.sequence)
     assert len(set(path)) == len(path)
@@ -145,7 +145,7 @@ def test_expected_value_weighs_outcomes_by_their_counts() -> None:
     memory = SensorimotorMap(6, 2)
     # command 0 mostly earns 0.6, command 1 earned 0.9 once and 0 three times
     for i, r in ((2, 0.6), (2, 0.6), (3, 0.9), (5, 0.0), (5, 0.0), (5, 0.0)):
-        memory.learn(0, i, r)
+        memory.adapt(0, i, r)
     found = plan(Expected(), memory, 0)
     assert found.evaluations == (pytest.approx(0.6), pytest.approx(0.225))
     assert found.command == 0
@@ -155,8 +155,8 @@ def test_expected_value_weighs_outcomes_by_their_counts() -> None:
 
 def test_expected_value_pools_the_ways_into_a_situation() -> None:
     memory = SensorimotorMap(3, 2)
-    memory.learn(0, 2, 0.4)  # situation 0, entered by command 0
-    memory.learn(1, 2, 0.6)  # situation 0, entered by command 1
+    memory.adapt(0, 2, 0.4)  # situation 0, entered by command 0
+    memory.adapt(1, 2, 0.6)  # situation 0, entered by command 1
     chance, r = pooled_outcomes(memory)
     assert chance[0, 0].tolist() == [0.0, 1.0, 0.0]
     assert r[0, 0, 1] == pytest.approx(0.5)
@@ -179,7 +179,7 @@ def test_planning_takes_the_greatest_activity_of_a_large_sparse_map() -> None:
     memory = SensorimotorMap(40, 3)
     for _ in range(900):
         j, i = rng.integers(120, size=2)
-        memory.learn(int(j), int(i), float(rng.random()))
+        memory.adapt(int(j), int(i), float(rng.random()))
     w_c = square(memory, "w_c")
     for start in range(0, 120, 17):
         y_a = np.zeros(120)

@@ -9,10 +9,10 @@ import pytest
 
 from khepera_emulator.arena import load_arena
 from khepera_emulator.emulator import Emulator, Setup
+from macor_hil.cameras.mirror_fit import draw_mirror, find_mirror
 from macor_hil.errors import CameraError, ProfileError
 from macor_hil.odometry import Wheels
 from macor_hil.profile import RobotProfile, change_profile, load_profile, save_profile
-from macor_hil.vision.mirror_fit import draw_mirror, find_mirror
 from protocol.mirror import Mirror
 
 SHIFTED = Mirror(width=200, height=180, centre_x=105.3, centre_y=86.7, inner=20.5, outer=71.2)

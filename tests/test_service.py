@@ -20,11 +20,11 @@ import macor_hil.hardware
 import macor_hil.live_run
 import macor_hil.telemetry.publisher
 from macor_hil.bench import ZenohBench
-from macor_hil.brain import Brain, Settings
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
 from macor_hil.interruption import Interruption, undisturbed
-from macor_hil.map_file import save_map
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.map_file import save_map
 from macor_hil.robot import Khepera, open_port
 from macor_hil.service import Ending, ServiceConfig, serve
 from macor_hil.telemetry.outbox import Outbox
@@ -487,7 +487,7 @@ def test_what_cannot_be_used_is_named_before_anything_moves(config, tap, tmp_pat
     with pytest.raises(TelemetryError, match="robot's name"):
         serve(replace(config, robot="a/*", listen=(free_endpoint(),)))
     empty = tmp_path / "empty.npz"
-    save_map(empty, Brain(Settings()), {})
+    save_map(empty, build_brain(), {})
     with pytest.raises(MacorError, match="no situations"):
         serve(replace(config, map_file=empty))
     endpoint = free_endpoint()

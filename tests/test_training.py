@@ -13,18 +13,19 @@ import pytest
 from planning import square
 
 import macor_hil.checkpoints
-from macor_hil.brain import Brain, Settings
 from macor_hil.caretaker import Ask, Caretaker
 from macor_hil.checkpoints import checkpoint_path, train_map
 from macor_hil.drive import Driver
 from macor_hil.errors import CameraError, MapError, RobotError
 from macor_hil.hardware import open_hardware
-from macor_hil.map_file import load_map
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.map_file import load_map
+from macor_hil.mind.settings import MindSettings
 from macor_hil.training import Phase, Recovery, Schedule
 
 PORT = "khepera://corridor?seed=3"
 SHORT = Schedule(tuning=20, random=60, reactive=20, session=20, episode=15, seed=5)
-SETTINGS = Settings(nodes=12)
+SETTINGS = MindSettings(nodes=12)
 
 
 class StopHereError(Exception):
@@ -59,9 +60,9 @@ def test_sessions_cover_all_commands_in_the_paper_s_order() -> None:
 
 def test_training_learns_one_transition_a_command(tmp_path: Path) -> None:
     brain = train(tmp_path / "a.npz")
-    assert square(brain.map, "z").sum() == SHORT.random + SHORT.reactive
-    assert 0 < brain.art.size <= 12
-    assert brain.fields.high != (1.0, 1.0, 1.0)
+    assert square(brain.memories["transitions"], "z").sum() == SHORT.random + SHORT.reactive
+    assert 0 < brain.clusterer.size <= 12
+    assert brain.eyes.fields.high != (1.0, 1.0, 1.0)
     assert not checkpoint_path(tmp_path / "a.npz").exists()
 
 
@@ -89,7 +90,7 @@ def test_a_killed_training_loses_at_most_its_last_session(tmp_path: Path) -> Non
     assert done.returncode == -signal.SIGKILL
     brain, training = load_map(checkpoint_path(path))
     assert training["sessions"] == 3  # 60 of the 70 commands
-    assert square(brain.map, "z").sum() == 40
+    assert square(brain.memories["transitions"], "z").sum() == 40
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.npz.part"]
 
 
@@ -120,9 +121,10 @@ def test_driving_back_recovers_without_any_reset(tmp_path: Path) -> None:
         brain = train_map(tmp_path / "a.npz", SETTINGS, backing, PORT, devices, lambda _: None)
         assert hardware.bench is not None
         assert not hardware.bench.truth().touched
-    assert square(brain.map, "z").sum() == 170
+    z, w_r = (square(brain.memories["transitions"], what) for what in ("z", "w_r"))
+    assert z.sum() == 170
     # it did collide, and went on
-    assert np.count_nonzero((square(brain.map, "w_r") < 0.4) & (square(brain.map, "z") > 0)) > 0
+    assert np.count_nonzero((w_r < 0.4) & (z > 0)) > 0
 
 
 BACKING = replace(SHORT, random=60, reactive=0, recovery=Recovery.BACK, session=40)
@@ -163,7 +165,7 @@ def test_a_training_without_reset_gets_over_failures_and_learns_nothing_from_the
     # some of the moves that fail lead back from a collision
     fail_at = 7, *range(30, 150, 6)
     brain = train_on_a_robot(tmp_path / "a.npz", fail_at=fail_at, failure=failure)
-    assert square(brain.map, "z").sum() == BACKING.random
+    assert square(brain.memories["transitions"], "z").sum() == BACKING.random
     assert not checkpoint_path(tmp_path / "a.npz").exists()
 
 
@@ -175,8 +177,8 @@ def test_sessions_on_a_robot_add_up_to_one_map(tmp_path: Path, stop_at: int) -> 
     brain, training = load_map(checkpoint_path(path))
     driven = {0: 0, 1: 20, 2: 60}[training["sessions"]] + training.get("done", 0)
     assert driven in (stop_at, stop_at - 1)  # what a session ends with is kept when it has ended
-    assert square(brain.map, "z").sum() == max(0, driven - 20)
-    assert square(train_on_a_robot(path).map, "z").sum() == BACKING.random
+    assert square(brain.memories["transitions"], "z").sum() == max(0, driven - 20)
+    assert square(train_on_a_robot(path).memories["transitions"], "z").sum() == BACKING.random
 
 
 def test_a_full_disk_is_waited_out_with_a_hand(
@@ -194,7 +196,7 @@ def test_a_full_disk_is_waited_out_with_a_hand(
     brain = train_on_a_robot(tmp_path / "a.npz", ask=asked.append)
     assert len(asked) == 2
     assert "No space left on device. The robot stands; make room" in asked[0]
-    assert square(brain.map, "z").sum() == BACKING.random
+    assert square(brain.memories["transitions"], "z").sum() == BACKING.random
 
 
 def test_without_a_hand_a_full_disk_ends_the_training(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from macor_hil.errors import CameraError
-from macor_hil.vision.opponent import opponent_colours
-from macor_hil.vision.receptive_fields import ReceptiveFields
-from macor_hil.vision.unwrap import PanoramaSize, Unwrapper
+from macor_hil.mind.eyes.opponent import opponent_colours
+from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
+from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from protocol.mirror import Mirror
 
 MIRROR = Mirror()

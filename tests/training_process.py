@@ -13,7 +13,6 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from macor_hil.brain import Settings
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.caretaker import Caretaker
@@ -21,6 +20,7 @@ from macor_hil.checkpoints import train_map
 from macor_hil.drive import Driver
 from macor_hil.errors import MacorError
 from macor_hil.hardware import is_embedded, open_hardware
+from macor_hil.mind.settings import MindSettings
 from macor_hil.telemetry.session import open_session
 from macor_hil.training import Recovery, Schedule
 
@@ -41,7 +41,7 @@ TROUBLES = {"full disk": no_room, "clock jump": jump}
 
 def train(path, port, *, random, trouble="", baud=9600, camera="auto", **zenoh):
     schedule = Schedule(TUNING, random, 0, session=60, recovery=Recovery.BACK)
-    settings = Settings()
+    settings = MindSettings()
     half = TUNING + random // 2
 
     def progress(done):
@@ -67,7 +67,7 @@ def train(path, port, *, random, trouble="", baud=9600, camera="auto", **zenoh):
 def main():
     try:
         brain = train(**json.loads(sys.argv[1]))
-        print(int(brain.map.transitions().z.sum()), flush=True)
+        print(int(brain.memories["transitions"].transitions().z.sum()), flush=True)
     except MacorError as error:
         print(f"{type(error).__name__}: {error}", flush=True)
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from macor_hil.vision.unwrap import Image
+from macor_hil.arrays import Image
 
 PATIENCE: Final = 2.0
 """Seconds that a picture may take."""

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from macor_hil.arrays import Image
 from macor_hil.cameras.camera import Camera, Frame
 from macor_hil.errors import (
     CameraDarkError,
@@ -18,7 +19,7 @@ from macor_hil.errors import (
     CameraLostError,
     WrongPictureError,
 )
-from macor_hil.vision.unwrap import Image
+from macor_hil.mind.eyes.eyes import Eyes
 from protocol.mirror import Mirror
 
 _STEP: Final = 4
@@ -55,8 +56,13 @@ class PictureLimits:
 
 
 def limits_for(mirror: Mirror) -> PictureLimits:
-    """Limits for the camera that a mirror was described for."""
+    """Return limits for the camera that a mirror was described for."""
     return PictureLimits(size=(mirror.width, mirror.height), mirror=mirror)
+
+
+def limits_of(eyes: Eyes) -> PictureLimits:
+    """Return limits for a camera that eyes look through."""
+    return PictureLimits(size=eyes.picture_size, mirror=eyes.mirror)
 
 
 class CheckedCamera:

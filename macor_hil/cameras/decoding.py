@@ -16,8 +16,8 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
+from macor_hil.arrays import Image
 from macor_hil.errors import WrongPictureError
-from macor_hil.vision.unwrap import Image
 
 MAX_SIDE: Final = 4096
 """Pixels of the longest side that is decoded."""

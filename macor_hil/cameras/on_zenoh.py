@@ -6,11 +6,11 @@ from typing import Final
 import zenoh
 from pydantic import ValidationError
 
+from macor_hil.arrays import Image
 from macor_hil.cameras.camera import PATIENCE, Frame
 from macor_hil.cameras.decoding import MAX_BYTES, decode_picture
 from macor_hil.cameras.one_source import OneSource, Round
 from macor_hil.errors import CameraError, CameraLostError, WrongPictureError
-from macor_hil.vision.unwrap import Image
 from protocol.side_channel import Stamp
 from protocol.text import printable
 

@@ -5,9 +5,9 @@ from typing import Any, Final, Protocol
 
 import cv2
 
+from macor_hil.arrays import Image
 from macor_hil.cameras.decoding import MAX_SIDE, as_image
 from macor_hil.errors import CameraError, WrongPictureError
-from macor_hil.vision.unwrap import Image
 
 _OPENING: Final = 5.0
 """Seconds that a network stream may take to be opened; OpenCV itself waits 30."""

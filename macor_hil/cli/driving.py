@@ -7,8 +7,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from macor_hil.brain import Brain, Settings
-from macor_hil.cameras.checks import CheckedCamera, limits_for
+from macor_hil.cameras.checks import CheckedCamera, limits_of
 from macor_hil.cameras.watch import DEFAULT_LIMIT
 from macor_hil.cli.ending import Status, kept, told
 from macor_hil.cli.learning import train
@@ -32,9 +31,11 @@ from macor_hil.cli.options import (
 from macor_hil.cli.paths import PICTURES, check_file, check_folder
 from macor_hil.demo import DEFAULT_SEED, DemoSettings, reserved, run_demo
 from macor_hil.drive import DriveSettings
-from macor_hil.map_file import load_map
+from macor_hil.errors import MacorError
+from macor_hil.mind.catalogue import PLANNERS, build_brain
+from macor_hil.mind.eyes.panorama import PanoramaEyes
+from macor_hil.mind.map_file import load_map
 from macor_hil.pictures import draw_trials, draw_view
-from macor_hil.planners.table import PLANNERS
 from macor_hil.profile import load_profile
 from macor_hil.service import ServiceConfig, serve
 from macor_hil.telemetry.session import open_session
@@ -54,7 +55,10 @@ def run(
     camera: CameraOption = "auto",
     map_file: MapOption = DEFAULT_MAP,
     planner: Annotated[
-        str, typer.Option(help=f"How to choose commands: {' or '.join(PLANNERS)}.")
+        str,
+        typer.Option(
+            help=f"How to choose commands: {', '.join(PLANNERS.names())}; or file.py:Class."
+        ),
     ] = "anticipative",
     commands: Annotated[int, typer.Option(min=1, help="Commands to drive at most.")] = 40,
     baud: BaudOption = 9600,
@@ -158,12 +162,14 @@ def look(
 ) -> None:
     """Draw what the robot sees now: mirror image, panorama, receptive fields."""
     check_file("--picture", picture, PICTURES)
-    brain = load_map(map_file)[0] if map_file else Brain(Settings())
+    brain = load_map(map_file)[0] if map_file else build_brain()
     if profile and (mirror := load_profile(profile).mirror):
-        brain.look_into(mirror)
+        brain.eyes.look_through(mirror)
+    if not isinstance(brain.eyes, PanoramaEyes):
+        raise MacorError(f"the eyes of {map_file} have no receptive fields to draw")
     with hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware:
-        eyes = CheckedCamera(hardware.camera, limits_for(brain.unwrap.mirror))
-        draw_view(picture, brain, eyes.grab().image)
+        eyes = CheckedCamera(hardware.camera, limits_of(brain.eyes))
+        draw_view(picture, brain.eyes, eyes.grab().image)
     typer.echo(str(picture))
 
 

@@ -15,7 +15,6 @@ from rich.table import Table
 
 from macor_hil.agent import Agent
 from macor_hil.bench import Bench
-from macor_hil.brain import MOST_NODES, Brain, Settings
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.caretaker import Caretaker
@@ -48,10 +47,10 @@ from macor_hil.drive import Driver, DriveSettings, all_of
 from macor_hil.errors import MacorError, MapError
 from macor_hil.hardware import is_embedded
 from macor_hil.interruption import signals_taken_over
-from macor_hil.map_file import load_map, save_map
-from macor_hil.planners.table import PLANNERS
+from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner, memory_for
+from macor_hil.mind.map_file import load_map, save_map
+from macor_hil.mind.settings import MOST_NODES, MindSettings, Part
 from macor_hil.profile import RobotProfile, load_profile
-from macor_hil.service import find_planner
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
 from protocol.side_channel import DEFAULT_ENDPOINT, Reset
@@ -140,7 +139,7 @@ def train(
         seed=seed,
         recovery=Recovery(recovery.value),
     )
-    settings = Settings(nodes=nodes, vigilance=vigilance)
+    settings = MindSettings(nodes, clusterer=Part("fuzzy-art", {"vigilance": vigilance}))
     measured = load_profile(profile) if profile else RobotProfile()
     drive = DriveSettings(wheels=measured.wheels, speed=speed)
     if measured.mirror:
@@ -172,7 +171,7 @@ def train(
                 driver = Driver(hardware.robot, drive, all_of(interruption.check, watch.guard))
                 brain = train_it((driver, eyes, None), progress, care, 1)
     typer.echo(
-        f"{map_file}: {brain.art.size} situations, {len(brain.map)} transitions"
+        f"{map_file}: {brain.clusterer.size} situations, {brain.transitions} transitions"
         f" from {schedule.commands} commands"
     )
 
@@ -212,9 +211,10 @@ def trials(
     Ctrl-C shows the trials driven so far.
     """
     brain, _ = load_map(map_file)
-    names = list(dict.fromkeys(planner or PLANNERS))
-    for name in names:
-        find_planner(name)
+    known = {name: make_planner(name) for name in planner or PLANNERS.names()}
+    for one in known.values() if planner else ():
+        memory_for(brain, one)
+    names = [name for name, one in known.items() if one.memory in brain.memories]
     results: dict[str, list[Trial]] = {}
     try:
         with (
@@ -244,7 +244,7 @@ def _trial(agent: Agent, name: str, bench: Bench, seed: list[int]) -> Trial:
     rng = np.random.default_rng(seed)
     start = bench.reset(Reset(seed=int(rng.integers(2**31)))).pose
     pose = Spread().draw(start, rng)
-    return run_trial(agent, find_planner(name), bench, Reset(pose=pose), rng)
+    return run_trial(agent, make_planner(name), bench, Reset(pose=pose), rng)
 
 
 def _show(results: dict[str, list[Trial]]) -> None:
@@ -337,11 +337,11 @@ def learn(
     check_file("--map", map_file)
     if map_file.exists():
         raise MapError(f"the map {map_file} is there already; name another --map")
-    brain = Brain(Settings(nodes=nodes, vigilance=vigilance))
+    brain = build_brain(MindSettings(nodes, clusterer=Part("fuzzy-art", {"vigilance": vigilance})))
     recordings = (play_recording(file)[1] for file in files)
     driven = take_in(brain, recordings, np.random.default_rng(seed))
     save_map(map_file, brain, {"recordings": [str(file) for file in files]})
     typer.echo(
-        f"{map_file}: {brain.art.size} situations, {len(brain.map)} transitions"
+        f"{map_file}: {brain.clusterer.size} situations, {brain.transitions} transitions"
         f" from {driven} commands"
     )

@@ -8,9 +8,11 @@ from typing import Annotated, Final
 import cv2
 import typer
 
+from macor_hil.arrays import Image
 from macor_hil.bench import Bench, PortBench, ZenohBench
 from macor_hil.calibration import drive_all, fit_wheels, moves
 from macor_hil.cameras.checks import CheckedCamera, PictureLimits, limits_for
+from macor_hil.cameras.mirror_fit import draw_mirror, find_mirror
 from macor_hil.claim import claim
 from macor_hil.cli.ending import kept
 from macor_hil.cli.options import (
@@ -36,8 +38,6 @@ from macor_hil.odometry import Wheels
 from macor_hil.profile import change_profile, load_profile
 from macor_hil.rulers import BenchRuler, Hands, Ruler
 from macor_hil.telemetry.session import open_session
-from macor_hil.vision.mirror_fit import draw_mirror, find_mirror
-from macor_hil.vision.unwrap import Image
 from protocol.mirror import Mirror
 from protocol.side_channel import DEFAULT_ENDPOINT
 

@@ -7,14 +7,13 @@ the corridor that it was trained in, from the start and from anywhere, and in ar
 never seen.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.membership import Array, memberships
+from macor_hil.arrays import Array
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.drawing import draw_trials
 from macor_hil.experiments.experiment import Experiment
@@ -23,23 +22,24 @@ from macor_hil.experiments.learning import (
     EXPECTED,
     GRADED,
     Learning,
-    System,
+    graded_memory,
     learn_all,
+    situations_of,
 )
 from macor_hil.experiments.recording import Drive, Recording, Recordings
 from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, mean
 from macor_hil.experiments.systems import (
     Course,
-    GradedSituations,
-    Mind,
-    learn_graded,
+    System,
     on_course,
+    relearn,
     trial_as_json,
     trial_from_json,
 )
-from macor_hil.graded_map import GradedMap
-from macor_hil.memory import Memory
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.memories.prototypes import memberships
+from macor_hil.mind.planners.graded import Graded
 from macor_hil.trials import Trial
 from protocol.side_channel import Outline
 
@@ -87,10 +87,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         with on_course(course, seed, settings.drive.drift) as track:
             result["outlines"][place] = track.outline().model_dump(mode="json")
             result["trials"][place] = {
-                name: [
-                    trial_as_json(one)
-                    for one in track.drive(systems[name].mind, systems[name].planner, seed)
-                ]
+                name: [trial_as_json(one) for one in track.drive(systems[name], seed)]
                 for name in CHANGES
             }
     return result
@@ -111,19 +108,16 @@ class _Boxes:
 
 def _steps_to(graded: System, settings: Settings, recording: Recording) -> dict[str, System]:
     """What leads from expected value to the graded system, one change at a time."""
-    art = graded.mind.clusterer
+    art = graded.brain.clusterer
     assert isinstance(art, FuzzyArt)
-
-    def without_mirror(shades: GradedSituations) -> System:
-        counts = GradedMap(graded.mind.graded.nodes, graded.mind.graded.commands)
-        learn_graded(counts, shades, recording, settings.reinforcement, mirrored=False)
-        mind = Mind(recording.brain, art, Memory(graded.mind.map, counts), shades)
-        return System(mind, graded.planner)
-
-    return {
-        ON_NODES: without_mirror(_Boxes(art)),
-        PLACED: without_mirror(recording.brain.prototypes),
+    changed = {ON_NODES: _Boxes(art), PLACED: situations_of(recording)}
+    memories = {
+        name: graded_memory(settings, recording, situations, both_sides=False)
+        for name, situations in changed.items()
     }
+    brain = replace(graded.brain, memories=memories)
+    relearn(brain, recording, situations=False)
+    return {name: System(brain, Graded(memory=name)) for name in changed}
 
 
 def _place(course: Course) -> str:

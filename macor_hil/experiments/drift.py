@@ -58,10 +58,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         for other in settings.driven:
             with on_course(settings.course, seed + _OTHER, other) as track:
                 driven[other] = {
-                    name: [
-                        trial_as_json(one)
-                        for one in track.drive(systems[name].mind, systems[name].planner, seed)
-                    ]
+                    name: [trial_as_json(one) for one in track.drive(systems[name], seed)]
                     for name in SHOWN
                 }
     return result

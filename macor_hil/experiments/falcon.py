@@ -7,22 +7,20 @@ cap; artlib learns values by SARSA, from whole sequences. artlib is optional (th
 and imported only where a network is made.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from macor_hil.drive import COMMANDS
-from macor_hil.experiments.recording import PUT_DOWN, Recording
-from macor_hil.memory import Memory
-from macor_hil.planners.planner import Now, Plan, best_command
-from macor_hil.reinforcement import Reinforcement
-
-Array = NDArray[np.float64]
+from macor_hil.arrays import Array, State
+from macor_hil.commands import COMMANDS
+from macor_hil.mind.experience import Experience, Moment
+from macor_hil.mind.planners.planner import Plan, best_command
 
 PEER: Final = "artlib"
+
+MEMORY: Final = "td-falcon"
+"""Name of its memory."""
 
 
 @dataclass(frozen=True)
@@ -47,38 +45,6 @@ class Parameters:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Episode:
-    """Commands in a row, from where the robot was put down.
-
-    Attributes:
-        seen: features before each command, shape (T, M).
-        commands: their indices, shape (T,).
-        earned: what each earned, shape (T,).
-        collided: whether the last one ended in a collision.
-    """
-
-    seen: Array
-    commands: NDArray[np.int64]
-    earned: Array
-    collided: bool
-
-
-def episodes(recording: Recording, earns: Reinforcement) -> Iterator[Episode]:
-    """The commands of a recording, from one put-down to the next."""
-    inputs, r = recording.inputs, recording.reinforcement(earns)
-    starts = np.flatnonzero(recording.commands == PUT_DOWN).tolist()
-    for start, end in zip(starts, [*starts[1:], len(inputs)], strict=True):
-        if end - start > 1:
-            driven = slice(start + 1, end)
-            yield Episode(
-                inputs[start : end - 1],
-                recording.commands[driven],
-                r[driven],
-                bool(recording.collided[end - 1]),
-            )
-
-
 class Network(Protocol):
     """What is used of artlib's TD_FALCON; channels are shaped (T, 2 M), (T, 2 m) and (T, 2)."""
 
@@ -98,7 +64,7 @@ class Network(Protocol):
 
 
 class Falcon:
-    """Takes the command that TD-FALCON finds worth most; nothing is simulated.
+    """Memory of what TD-FALCON finds commands worth.
 
     Args:
         network: learns, and knows what commands are worth.
@@ -108,6 +74,7 @@ class Falcon:
 
     def __init__(self, network: Network, discount: float) -> None:
         self._network = network
+        self._steps: list[Experience] = []
         self._scale = 1.0 - discount
 
     @classmethod
@@ -135,46 +102,58 @@ class Falcon:
     @property
     def nodes(self) -> int:
         """Nodes that have been added."""
+        self._end()
         return len(self._network.fusion_art.W)
 
-    def learn(self, episode: Episode) -> None:
-        """Learn what the commands of an episode are worth."""
+    def tune(self, x: Array, rng: np.random.Generator) -> None:
+        """Prepare for nothing: nodes are added as inputs come."""
+
+    def learn(self, experience: Experience) -> None:
+        """Collect an experience; an episode is learned when it has ended."""
+        if self._steps and self._steps[-1].after is not experience.before:
+            self._end()
+        self._steps.append(experience)
+        if experience.collided:
+            self._end()
+
+    def evaluations(self, x: Array) -> Array:
+        """Return what each command is worth at features of shape (M,), shape (m,)."""
+        self._end()
+        coded = np.concatenate([x, 1.0 - x])
+        _, worth = self._network.get_actions_and_rewards(coded, np.eye(len(COMMANDS)))
+        return np.asarray(worth, float).ravel()
+
+    def state(self) -> State:
+        """Return nothing: what artlib learned is not kept in maps."""
+        return {}
+
+    def load(self, state: State) -> None:
+        """Take over nothing."""
+
+    def _end(self) -> None:
+        """Learn what the commands of the episode that was collected are worth."""
+        steps, self._steps = self._steps, []
+        if not steps:
+            return
         channels = self._network.prepare_data(
-            episode.seen,
-            np.eye(len(COMMANDS))[episode.commands],
-            self._scale * episode.earned[:, None],
+            np.array([step.before.features for step in steps]),
+            np.eye(len(COMMANDS))[[step.command for step in steps]],
+            self._scale * np.array([[step.reinforcement] for step in steps]),
         )
-        if len(episode.commands) > 1:
+        if len(steps) > 1:
             self._network.partial_fit(*channels)
-        if episode.collided:
+        if steps[-1].collided:
             # a sequence teaches all but its last command, whose successor is not known; after a
             # collision there is none, and alone the command is worth what it earned
             self._network.partial_fit(*(channel[-1:] for channel in channels))
 
-    def plan(self, memory: Memory, now: Now) -> Plan:
-        """Evaluate all commands at the present moment, whose memberships are the features."""
-        del memory  # it has its own
-        coded = np.concatenate([now.memberships, 1.0 - now.memberships])
-        _, worth = self._network.get_actions_and_rewards(coded, np.eye(len(COMMANDS)))
-        evaluations = tuple(worth.ravel().tolist())
+
+class FalconPlanner:
+    """Takes the command that TD-FALCON finds worth most; nothing is simulated."""
+
+    memory = MEMORY
+
+    def plan(self, memory: Falcon, now: Moment) -> Plan:
+        """Evaluate all commands at the present features."""
+        evaluations = tuple(memory.evaluations(now.features).tolist())
         return Plan(evaluations, best_command(evaluations))
-
-
-class FuzzySets:
-    """What Fuzzy ART takes its inputs for: every feature a fuzzy set, its value the membership."""
-
-    def memberships(self, x: Array) -> Array:
-        """The features themselves, shape (M,)."""
-        return x
-
-
-def learn_falcon(parameters: Parameters, recording: Recording, earns: Reinforcement) -> Falcon:
-    """Learn a recording, episode by episode, in its order.
-
-    Raises:
-        ImportError: artlib is not installed.
-    """
-    falcon = Falcon.of(parameters, recording.inputs.shape[1])
-    for episode in episodes(recording, earns):
-        falcon.learn(episode)
-    return falcon

@@ -11,15 +11,15 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.clustering.clusterer import Clusterer, clusterer_errors, situations
-from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.neural_gas import Annealing, Breadth, NeuralGas, search
+from macor_hil.arrays import Array
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.recording import SECTION_31, Drive, Recordings
 from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, order
-from macor_hil.vision.receptive_fields import Features
+from macor_hil.mind.clusterers.clusterer import Clusterer, clusterer_errors, situations
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.clusterers.neural_gas import Annealing, Breadth, NeuralGas, search
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ ART: Final = "Fuzzy ART"
 GAS: Final = "Neural Gas"
 
 
-def full_annealing(settings: Settings, inputs: Features, seed: int) -> Annealing:
+def full_annealing(settings: Settings, inputs: Array, seed: int) -> Annealing:
     """The parameters of the smallest error, annealed over all presentations."""
     data = inputs[:: settings.searched]
     tried = settings.breadth.annealings(settings.annealed * len(data))
@@ -83,7 +83,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     }
 
 
-def _errors(clusterer: Clusterer, inputs: Features, presentations: int) -> dict[str, list[float]]:
+def _errors(clusterer: Clusterer, inputs: Array, presentations: int) -> dict[str, list[float]]:
     """Mean and variance of the clusterer error after each presentation."""
     means, variances = [], []
     for _ in range(presentations):

@@ -11,10 +11,8 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.clustering.clusterer import Clusterer, clusterer_errors, situations
-from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.clustering.neural_gas import Annealing, Breadth, NeuralGas, search, trained
-from macor_hil.drive import COMMANDS
+from macor_hil.arrays import Array
+from macor_hil.commands import COMMANDS
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.drawing import draw_trials
 from macor_hil.experiments.experiment import Experiment
@@ -23,19 +21,20 @@ from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, order
 from macor_hil.experiments.systems import (
     Course,
-    Mind,
-    learn_transitions,
+    System,
     on_course,
+    relearn,
     trial_as_json,
     trial_from_json,
 )
-from macor_hil.graded_map import GradedMap
-from macor_hil.memory import Memory
-from macor_hil.planners.reactive import Reactive
-from macor_hil.reinforcement import Reinforcement
-from macor_hil.sensorimotor_map import Competence, SensorimotorMap
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.clusterers.clusterer import Clusterer, clusterer_errors, situations
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.clusterers.neural_gas import Annealing, Breadth, NeuralGas, search, trained
+from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
+from macor_hil.mind.planners.reactive import Reactive
+from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.trials import Trial
-from macor_hil.vision.receptive_fields import Features
 from protocol.side_channel import Outline
 
 
@@ -91,7 +90,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         ART: _fuzzy_art(settings, inputs[: settings.art_inputs]),
         GAS: _neural_gas(settings, inputs[: settings.gas_inputs], seed),
     }
-    minds = {name: _mind(settings, recording, each) for name, each in clusterers.items()}
+    systems = {name: _system(settings, recording, each) for name, each in clusterers.items()}
     result: Result = {
         "seconds_a_command": round(
             recording.robot_seconds / settings.drive.schedule(0).commands, 4
@@ -106,31 +105,30 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         with on_course(course, seed, settings.drive.drift) as track:
             result["outlines"][place] = track.outline().model_dump(mode="json")
             result[place] = {
-                name: [trial_as_json(t) for t in track.drive(mind, Reactive(), seed)]
-                for name, mind in minds.items()
+                name: [trial_as_json(t) for t in track.drive(system, seed)]
+                for name, system in systems.items()
             }
     return result
 
 
-def _fuzzy_art(settings: Settings, inputs: Features) -> FuzzyArt:
+def _fuzzy_art(settings: Settings, inputs: Array) -> FuzzyArt:
     art = FuzzyArt(inputs.shape[1], settings.nodes, settings.vigilance, settings.alpha)
     situations(art, inputs, learn=True)
     return art
 
 
-def _neural_gas(settings: Settings, inputs: Features, seed: int) -> NeuralGas:
+def _neural_gas(settings: Settings, inputs: Array, seed: int) -> NeuralGas:
     data, times = inputs[:: settings.searched], settings.gas_presentations
     best = search(data, settings.nodes, settings.breadth.annealings(times * len(data)), times, seed)
     annealing = Annealing(best.rate, best.radius, times * len(inputs))
     return trained(inputs, settings.nodes, annealing, times, seed)
 
 
-def _mind(settings: Settings, recording: Recording, clusterer: Clusterer) -> Mind:
+def _system(settings: Settings, recording: Recording, clusterer: Clusterer) -> System:
     memory = SensorimotorMap(settings.nodes, len(COMMANDS), settings.competence)
-    nodes = situations(clusterer, recording.inputs, learn=False)
-    learn_transitions(memory, nodes, recording, settings.reinforcement)
-    graded = GradedMap(settings.nodes, len(COMMANDS))  # the reactive planner does not look
-    return Mind(recording.brain, clusterer, Memory(memory, graded))
+    brain = Brain(recording.brain.eyes, clusterer, {"transitions": memory}, settings.reinforcement)
+    relearn(brain, recording, situations=False)
+    return System(brain, Reactive())
 
 
 def _trials(results: Results, place: str, name: str) -> list[list[Trial]]:

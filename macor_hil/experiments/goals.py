@@ -17,7 +17,6 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.clustering.clusterer import situations
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.learning import (
@@ -27,23 +26,18 @@ from macor_hil.experiments.learning import (
     REACTIVE,
     Learning,
     Q,
-    System,
+    graded_memory,
     learn_all,
 )
 from macor_hil.experiments.recording import Drive, Recording, Recordings
 from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, mean
-from macor_hil.experiments.systems import (
-    Course,
-    Mind,
-    Track,
-    learn_graded,
-    learn_transitions,
-    on_course,
-)
-from macor_hil.graded_map import GradedMap
-from macor_hil.memory import Memory
-from macor_hil.reinforcement import Reinforcement
+from macor_hil.experiments.systems import Course, System, Track, on_course, relearn
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.memories.graded import GradedMemory
+from macor_hil.mind.memories.memory import Memory
+from macor_hil.mind.memories.transitions import SensorimotorMap
+from macor_hil.mind.reinforcement import Reinforcement
 
 SHOWN: Final = (REACTIVE, ANTICIPATIVE, Q, EXPECTED, GRADED)
 _WELL: Final = 0.9
@@ -90,37 +84,45 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
 
 def _earned(settings: Settings, track: Track, system: System, seed: int) -> float:
     """Mean reinforcement of a trial under the new goal."""
-    mind = system.mind
-    mind.settings = replace(mind.settings, reinforcement=settings.goal)
-    driven = track.drive(mind, system.planner, seed)
+    rewarded = System(replace(system.brain, reinforcement=settings.goal), system.planner)
+    driven = track.drive(rewarded, seed)
     return round(float(np.mean([one.total for one in driven])), 4)
 
 
 def _changed(settings: Settings, system: System, recording: Recording, frames: int) -> System:
     """A system some frames after the change."""
-    mind = system.mind
-    inputs = recording.inputs[:frames]
-    transitions = deepcopy(mind.map)
-    transitions.begin_anew()
-    learn_transitions(
-        transitions, situations(mind.clusterer, inputs, learn=False), recording, settings.goal
-    )
-    graded = _revalued(settings, mind, recording, frames)
-    return System(
-        Mind(recording.brain, mind.clusterer, Memory(transitions, graded)), system.planner
-    )
+    known = system.brain.memories[system.planner.memory]
+    revalued: Memory
+    if isinstance(known, GradedMemory):
+        revalued = _revalued(settings, known, recording, frames)
+    else:
+        assert isinstance(known, SensorimotorMap)
+        revalued = deepcopy(known)
+        revalued.begin_anew()
+        _relearn(settings, system.brain, system.planner.memory, revalued, recording, frames)
+    memories = {system.planner.memory: revalued}
+    return System(replace(system.brain, memories=memories), system.planner)
 
 
-def _revalued(settings: Settings, mind: Mind, recording: Recording, frames: int) -> GradedMap:
+def _revalued(
+    settings: Settings, known: GradedMemory, recording: Recording, frames: int
+) -> GradedMemory:
     """Counts as they were; what commands earn: one old experience, and all since the change."""
-    known = mind.graded
-    size = known.nodes, known.commands
-    since, revalued = GradedMap(*size), GradedMap(*size)
-    learn_graded(since, mind.shades, recording, settings.goal, frames=frames)
-    old = np.divide(known.earned, known.tried, out=np.zeros(size), where=known.tried > 0)
-    r = (since.earned + old) / (since.tried + 1.0)
-    revalued.load(known.led_to, known.tried, known.tried * r)
-    return revalued
+    since = graded_memory(settings, recording, known.situations)
+    _relearn(settings, recording.brain, "graded", since, recording, frames)
+    old, new = known.counts, since.counts
+    before = np.divide(old.earned, old.tried, out=np.zeros_like(old.tried), where=old.tried > 0)
+    r = (new.earned + before) / (new.tried + 1.0)
+    new.load({"led_to": old.led_to, "tried": old.tried, "earned": old.tried * r})
+    return since
+
+
+def _relearn(
+    settings: Settings, brain: Brain, name: str, memory: Memory, recording: Recording, frames: int
+) -> None:
+    """Let one memory learn the first frames under the new goal; situations stay."""
+    learner = replace(brain, memories={name: memory}, reinforcement=settings.goal)
+    relearn(learner, recording, situations=False, frames=frames)
 
 
 def commands_needed(settings: Settings, result: Result, name: str) -> int | None:

@@ -1,30 +1,26 @@
 """The systems of table 1 and those beyond the paper, all learned from one recording."""
 
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final
 
-from macor_hil.clustering.clusterer import situations
-from macor_hil.clustering.fuzzy_art import FuzzyArt
-from macor_hil.drive import COMMANDS
+from macor_hil.commands import COMMANDS
 from macor_hil.experiments.recording import Recording
-from macor_hil.experiments.systems import Mind, learn_graded, learn_transitions
-from macor_hil.graded_map import GradedMap
-from macor_hil.memory import Memory
-from macor_hil.planners.anticipative import Anticipative
-from macor_hil.planners.expected import Expected
-from macor_hil.planners.graded import Graded
-from macor_hil.planners.planner import Planner
-from macor_hil.planners.q_learning import QLearning, QMap
-from macor_hil.planners.reactive import Reactive
-from macor_hil.reinforcement import Reinforcement
-from macor_hil.sensorimotor_map import Competence, SensorimotorMap
+from macor_hil.experiments.systems import System, relearn
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import make_planner
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.memories.graded import GradedMemory, GradedSituations
+from macor_hil.mind.memories.memory import Memory
+from macor_hil.mind.memories.q_map import QMap
+from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
+from macor_hil.mind.reinforcement import Reinforcement
 
 REACTIVE: Final = "reactive"
 ANTICIPATIVE: Final = "anticipative"
-Q: Final = "Q-learning"
-WEAK: Final = "Q, gamma 0"
-EXPECTED: Final = "expected value"
-GRADED: Final = "graded situations"
+Q: Final = "q-learning"
+WEAK: Final = "weak-q-learning"
+EXPECTED: Final = "expected"
+GRADED: Final = "graded"
 
 SYSTEMS: Final = (REACTIVE, ANTICIPATIVE, Q, WEAK, EXPECTED, GRADED)
 
@@ -47,38 +43,44 @@ class Learning:
     """What commands earn, not printed; from the table's means a step."""
 
 
-class System(NamedTuple):
-    """What has been learned, and how commands are chosen by it."""
-
-    mind: Mind
-    planner: Planner
-
-
 def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:
-    """All systems by name; they share their situations.
+    """Learn all systems; they share one brain.
 
     Situations and transitions are learned at the same time: the node of a frame is the one that
     it had when it was presented.
     """
-    inputs = recording.inputs
-    art = FuzzyArt(inputs.shape[1], learning.nodes, learning.vigilance, learning.alpha)
-    nodes = situations(art, inputs, learn=True)
     size = learning.nodes, len(COMMANDS)
-    plain = SensorimotorMap(*size, learning.competence)
-    strong, weak = QMap(*size, learning.gamma), QMap(*size, 0.0)
-    for transitions in (plain, strong, weak):
-        learn_transitions(transitions, nodes, recording, learning.reinforcement)
-    graded = GradedMap(*size)
-    learn_graded(graded, recording.brain.prototypes, recording, learning.reinforcement)
-
-    def system(transitions: SensorimotorMap, planner: Planner) -> System:
-        return System(Mind(recording.brain, art, Memory(transitions, graded)), planner)
-
-    return {
-        REACTIVE: system(plain, Reactive()),
-        ANTICIPATIVE: system(plain, Anticipative()),
-        Q: system(strong, QLearning()),
-        WEAK: system(weak, QLearning()),
-        EXPECTED: system(plain, Expected()),
-        GRADED: system(plain, Graded()),
+    memories: dict[str, Memory] = {
+        "transitions": SensorimotorMap(*size, learning.competence),
+        "q-learning": QMap(*size, learning.gamma),
+        "weak-q-learning": QMap(*size, 0.0),
+        "graded": graded_memory(learning, recording, situations_of(recording)),
     }
+    eyes = recording.brain.eyes
+    art = FuzzyArt(eyes.size, learning.nodes, learning.vigilance, learning.alpha)
+    brain = Brain(eyes, art, memories, learning.reinforcement)
+    relearn(brain, recording)
+    return {name: System(brain, make_planner(name)) for name in SYSTEMS}
+
+
+def situations_of(recording: Recording) -> GradedSituations:
+    """Return the prototypes that were placed in the recording's tuning drive."""
+    memory = recording.brain.memories["graded"]
+    assert isinstance(memory, GradedMemory)
+    return memory.situations
+
+
+def graded_memory(
+    learning: Learning,
+    recording: Recording,
+    situations: GradedSituations,
+    *,
+    both_sides: bool = True,
+) -> GradedMemory:
+    """Make an empty memory of given graded situations, for the eyes of a recording."""
+    eyes = recording.brain.eyes
+    memory = GradedMemory(
+        learning.nodes, len(COMMANDS), eyes.size, eyes.mirrored, both_sides=both_sides
+    )
+    memory.situations = situations
+    return memory

@@ -6,7 +6,7 @@ learns, so it gets the beginning of each drive; the other systems learn the same
 whole drive besides. artlib is optional (the extra `peers`).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 from time import process_time
@@ -18,14 +18,13 @@ from matplotlib.figure import Figure
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.drawing import draw_seeds
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.falcon import PEER, FuzzySets, Parameters, learn_falcon
+from macor_hil.experiments.falcon import MEMORY, PEER, Falcon, FalconPlanner, Parameters
 from macor_hil.experiments.learning import (
     ANTICIPATIVE,
     GRADED,
     REACTIVE,
     Learning,
     Q,
-    System,
     learn_all,
 )
 from macor_hil.experiments.recording import Drive, Recording, Recordings
@@ -33,8 +32,9 @@ from macor_hil.experiments.results import TOOK, Result, Results
 from macor_hil.experiments.statistics import Order, estimate, mean, order
 from macor_hil.experiments.systems import (
     Course,
-    Mind,
+    System,
     on_course,
+    relearn,
     trial_as_json,
 )
 from macor_hil.experiments.table1 import (
@@ -88,23 +88,26 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         systems |= {f"{name}, {label}": learned[name] for name in OWN}
     for candidate in settings.candidates:
         since = process_time()
-        falcon = learn_falcon(candidate, first, settings.reinforcement)
         name = _name(candidate)
-        took[name] = process_time() - since
+        falcon = Falcon.of(candidate, first.brain.eyes.size)
+        systems[name] = _learned(falcon, first, settings)
         nodes[name] = falcon.nodes
-        systems[name] = System(_eyes_of(first), falcon)
+        took[name] = process_time() - since
     with on_course(settings.course, seed, settings.drive.drift) as track:
         trials = {
-            name: [trial_as_json(one) for one in track.drive(system.mind, system.planner, seed)]
+            name: [trial_as_json(one) for one in track.drive(system, seed)]
             for name, system in systems.items()
         }
     return {PEER: version(PEER), "nodes": nodes, "trials": trials, TOOK: took}
 
 
-def _eyes_of(recording: Recording) -> Mind:
-    """Sees as all systems do; TD-FALCON has its own situations and does not look at these."""
-    brain = recording.brain
-    return Mind(brain, brain.art, brain.memory, FuzzySets())
+def _learned(falcon: Falcon, recording: Recording, settings: Settings) -> System:
+    """TD-FALCON with the eyes of all systems; it has its own situations and ignores the others."""
+    brain = replace(
+        recording.brain, memories={MEMORY: falcon}, reinforcement=settings.reinforcement
+    )
+    relearn(brain, recording, situations=False)
+    return System(brain, FalconPlanner())
 
 
 _WHOLE: Final = "whole drive"

@@ -14,22 +14,23 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter
 
-from macor_hil.brain import Brain, Settings
-from macor_hil.clustering.fuzzy_art import Resonance
-from macor_hil.drive import COMMANDS, Driver, MotorCommand, Outcome
+from macor_hil.agent import Seen
+from macor_hil.arrays import Array, Indices, Mask
+from macor_hil.commands import COMMANDS
+from macor_hil.drive import Driver
 from macor_hil.errors import MapError
 from macor_hil.experiments.results import key_of
 from macor_hil.experiments.sources import digest
 from macor_hil.hardware import open_hardware
 from macor_hil.input_files import MIB, InputError, checked, read_arrays, read_bounded
-from macor_hil.map_file import load_map, save_map, write_atomically
-from macor_hil.reinforcement import Reinforcement
-from macor_hil.robot import Khepera
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.map_file import load_map, save_map, write_atomically
+from macor_hil.mind.reinforcement import Reinforcement
+from macor_hil.mind.settings import MindSettings
 from macor_hil.training import Schedule, Trainer
-from macor_hil.vision.receptive_fields import Features
 
 _log = logging.getLogger(__name__)
 
@@ -58,7 +59,7 @@ class Drive:
     """Randomly selected commands."""
     reactive: int = 0
     """Reactively selected commands after them."""
-    brain: Settings = field(default_factory=Settings)
+    brain: MindSettings = field(default_factory=MindSettings)
     """Eyes, and the Fuzzy ART that selects reactively."""
 
     def port(self, seed: int) -> str:
@@ -96,17 +97,17 @@ class Recording:
     """
 
     brain: Brain
-    raw: Features
-    commands: NDArray[np.int64]
-    collided: NDArray[np.bool_]
+    raw: Array
+    commands: Indices
+    collided: Mask
     robot_seconds: float
 
     @property
-    def inputs(self) -> Features:
-        """Features x of every frame, tuned, shape (T, M)."""
-        return self.brain.fields.tune(self.raw)
+    def inputs(self) -> Array:
+        """Array x of every frame, tuned, shape (T, M)."""
+        return self.brain.eyes.tuned(self.raw)
 
-    def reinforcement(self, earns: Reinforcement) -> NDArray[np.float64]:
+    def reinforcement(self, earns: Reinforcement) -> Array:
         """What each frame's command earns, shape (T,); 0 where the robot was put down."""
         table = np.array([[earns(motor, hit) for hit in (False, True)] for motor in COMMANDS])
         driven = self.commands != PUT_DOWN
@@ -146,25 +147,32 @@ def record(
     Raises:
         RobotError, CameraError, BenchError: the hardware or the emulator fails.
     """
-    reel = _Reel()
-    brain = _WatchedBrain(drive.brain, reel)
+    seen: list[Seen] = []
+    brain = build_brain(drive.brain) if beginning is None else beginning.brain
     schedule = drive.schedule(seed)
     sessions = schedule.sessions()
     if beginning is not None and drive.beginning is not None:
-        brain.go_on_from(beginning.brain)
         sessions = sessions[len(drive.beginning.schedule(seed).sessions()) :]
-    done, seconds = part.load(brain, reel) if part else (0, 0.0)
+    done, seconds = 0, 0.0
+    if part and (kept := part.load()):
+        brain, seen, done, seconds = kept
     with open_hardware(drive.port(seed)) as hardware:
         if done:  # the time to open the port counts once
             seconds -= hardware.robot.clock()
-        driver = _WatchedDriver(hardware.robot, reel)
-        trainer = Trainer(brain, driver, hardware.camera, hardware.bench, schedule)
+        trainer = Trainer(
+            brain,
+            Driver(hardware.robot),
+            hardware.camera,
+            hardware.bench,
+            schedule,
+            witness=seen.append,
+        )
         for number, session in enumerate(sessions[done:], done + 1):
             trainer.run(session, lambda _: None)
             if part and number % _KEPT_EVERY == 0 and number < len(sessions):
-                part.save(brain, reel, number, seconds + hardware.robot.clock())
+                part.save(brain, seen, number, seconds + hardware.robot.clock())
         seconds += hardware.robot.clock()
-    driven = Recording(brain, **reel.arrays(), robot_seconds=round(seconds, 3))
+    driven = Recording(brain, **_arrays(seen), robot_seconds=round(seconds, 3))
     return driven if beginning is None else _joined(beginning, driven)
 
 
@@ -178,61 +186,15 @@ def _joined(beginning: Recording, rest: Recording) -> Recording:
     )
 
 
-class _Reel:
-    """Collects frames, each with what led to it."""
-
-    def __init__(self) -> None:
-        self.raw: list[Features] = []
-        self.commands: list[int] = []
-        self.collided: list[bool] = []
-        self.last = PUT_DOWN, False
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything collected: features, what led to them, and whether that was a collision."""
-        return {
-            "raw": np.array(self.raw),
-            "commands": np.array(self.commands, dtype=np.int64),
-            "collided": np.array(self.collided, dtype=np.bool_),
-        }
-
-    def add(self, raw: Features) -> None:
-        self.raw.append(raw)
-        self.commands.append(self.last[0])
-        self.collided.append(self.last[1])
-
-
-class _WatchedDriver(Driver):
-    """A driver that tells the reel what it does."""
-
-    def __init__(self, robot: Khepera, reel: _Reel) -> None:
-        super().__init__(robot)
-        self._reel = reel
-
-    def start(self) -> None:
-        super().start()
-        self._reel.last = PUT_DOWN, False
-
-    def execute(self, command: MotorCommand) -> Outcome:
-        outcome = super().execute(command)
-        self._reel.last = COMMANDS.index(command), outcome.collided
-        return outcome
-
-
-class _WatchedBrain(Brain):
-    """A brain that tells the reel what it sees (tuning happens on another brain, unwatched)."""
-
-    def __init__(self, settings: Settings, reel: _Reel) -> None:
-        super().__init__(settings)
-        self._reel = reel
-
-    def go_on_from(self, known: Brain) -> None:
-        """Take over what another brain has learned."""
-        self.fields, self.prototypes = known.fields, known.prototypes
-        self.art, self.map, self.graded = known.art, known.map, known.graded
-
-    def recognise(self, raw: Features, *, learn: bool) -> Resonance:
-        self._reel.add(raw)
-        return super().recognise(raw, learn=learn)
+def _arrays(seen: list[Seen]) -> dict[str, Any]:
+    """Features, what led to them, and whether that was a collision."""
+    return {
+        "raw": np.array([each.raw for each in seen]),
+        "commands": np.array(
+            [PUT_DOWN if each.command is None else each.command for each in seen], dtype=np.int64
+        ),
+        "collided": np.array([each.collided for each in seen], dtype=np.bool_),
+    }
 
 
 class _Part:
@@ -246,23 +208,22 @@ class _Part:
         self._map = path.with_suffix(".part.map.npz")
         self._frames = path.with_suffix(".part.frames.npz")
 
-    def save(self, brain: Brain, reel: _Reel, sessions: int, seconds: float) -> None:
+    def save(self, brain: Brain, seen: list[Seen], sessions: int, seconds: float) -> None:
         """Keep what was driven in so many sessions, which took the robot some seconds."""
-        write_atomically(self._frames, _archive(reel.arrays()))
+        write_atomically(self._frames, _archive(_arrays(seen)))
         # last, and with the number of frames: later ones may be there from a kill in between
-        facts = {"sessions": sessions, "seconds": seconds, "frames": len(reel.raw)}
+        facts = {"sessions": sessions, "seconds": seconds, "frames": len(seen)}
         save_map(self._map, brain, facts)
 
-    def load(self, brain: "_WatchedBrain", reel: _Reel) -> tuple[int, float]:
-        """Go on from what was kept: how many sessions, and seconds; 0 of both if nothing was.
+    def load(self) -> tuple[Brain, list[Seen], int, float] | None:
+        """Return what was kept: brain, frames, sessions driven, and seconds; None if nothing was.
 
         Raises:
             MapError: it is damaged.
         """
         if not self._map.exists():
-            return 0, 0.0
-        known, facts = load_map(self._map)
-        brain.go_on_from(known)
+            return None
+        brain, facts = load_map(self._map)
         try:
             frames, sessions, seconds = (facts[name] for name in ("frames", "sessions", "seconds"))
             arrays = read_arrays(read_bounded(self._frames, _MOST_BYTES), _MOST_BYTES)
@@ -270,11 +231,13 @@ class _Part:
                 arrays[name][:frames] for name in ("raw", "commands", "collided")
             )
             _check_frames(brain, raw, commands, collided)
-            reel.raw, reel.commands = list(raw), commands.tolist()
-            reel.collided = collided.tolist()
         except (OSError, KeyError, TypeError, InputError) as error:
             raise MapError(f"{self._frames} is damaged ({error}); take it away") from None
-        return sessions, seconds
+        seen = [
+            Seen(x, None if a == PUT_DOWN else a, hit)
+            for x, a, hit in zip(raw, commands.tolist(), collided.tolist(), strict=True)
+        ]
+        return brain, seen, sessions, seconds
 
     def remove(self) -> None:
         """Take the files away: the recording is there."""
@@ -282,9 +245,9 @@ class _Part:
         self._frames.unlink(missing_ok=True)
 
 
-def _archive(arrays: dict[str, NDArray[Any]]) -> bytes:
+def _archive(arrays: dict[str, Any]) -> bytes:
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    np.savez(buffer, **arrays)
     return buffer.getvalue()
 
 
@@ -365,16 +328,14 @@ class Recordings:
         return self.folder / f"seed-{seed:04}.frames.npz"
 
 
-def _check_frames(
-    brain: Brain, raw: NDArray[Any], commands: NDArray[Any], collided: NDArray[Any]
-) -> None:
+def _check_frames(brain: Brain, raw: Array, commands: Indices, collided: Mask) -> None:
     """Refuse frames that no drive can have given.
 
     Raises:
         InputError: they are of other shapes or kinds, or not possible.
     """
     count = len(commands) if commands.ndim else 0
-    shapes = (count, brain.fields.size), (count,), (count,)
+    shapes = (count, brain.eyes.raw_size), (count,), (count,)
     kinds = "fib"
     for array, shape, kind in zip((raw, commands, collided), shapes, kinds, strict=True):
         if array.shape != shape or array.dtype.kind != kind:

@@ -12,7 +12,7 @@ from typing import Any, Final
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.results import Results
-from macor_hil.map_file import write_atomically
+from macor_hil.mind.map_file import write_atomically
 
 _TITLE: Final = "MACOR with Fuzzy ART, reproduced"
 _SCOPE: Final = (

@@ -20,7 +20,7 @@ from pydantic_core import from_json
 
 from macor_hil.errors import MacorError
 from macor_hil.input_files import MIB, InputError, read_bounded
-from macor_hil.map_file import write_atomically
+from macor_hil.mind.map_file import write_atomically
 
 _log = logging.getLogger(__name__)
 

@@ -9,9 +9,8 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from macor_hil.arrays import Array
 
 LEVEL: Final = 0.95
 _RESAMPLES: Final = 10_000

@@ -69,13 +69,11 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     systems = learn_all(settings, recording)
     with on_course(settings.course, seed, settings.drive.drift) as track:
         outline = track.outline().model_dump(mode="json")
-        driven = {
-            name: track.drive(system.mind, system.planner, seed) for name, system in systems.items()
-        }
+        driven = {name: track.drive(system, seed) for name, system in systems.items()}
     return {
         "outline": outline,
         "robot_hours": round(recording.robot_seconds / 3600, 4),
-        "transitions": len(systems[ANTICIPATIVE].mind.map),
+        "transitions": systems[ANTICIPATIVE].brain.transitions,
         "trials": {name: [trial_as_json(one) for one in done] for name, done in driven.items()},
     }
 

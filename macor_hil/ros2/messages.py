@@ -13,7 +13,8 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
 
-from macor_hil.drive import COMMANDS, DriveSettings
+from macor_hil.commands import COMMANDS
+from macor_hil.drive import DriveSettings
 from macor_hil.errors import TelemetryError
 from macor_hil.ros2.wire import Topic
 from macor_hil.telemetry.schemas import Decision

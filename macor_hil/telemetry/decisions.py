@@ -5,9 +5,11 @@ from dataclasses import asdict
 from typing import Final
 
 from macor_hil.agent import Step
-from macor_hil.brain import Brain
-from macor_hil.drive import COMMANDS
+from macor_hil.commands import COMMANDS
 from macor_hil.meter import Reading
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.eyes.opponent import CHANNELS
+from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.telemetry.schemas import (
     Ahead,
     Alternative,
@@ -21,8 +23,7 @@ from macor_hil.telemetry.schemas import (
     Odometry,
     Situation,
 )
-from macor_hil.vision.opponent import CHANNELS
-from macor_hil.vision.receptive_fields import ReceptiveFields
+from protocol.mirror import Mirror
 
 _DIGITS: Final = 4
 """Of activities and features, which are many and only looked at."""
@@ -31,7 +32,6 @@ _DIGITS: Final = 4
 def decision_of(
     step: Step,
     *,
-    fields: ReceptiveFields,
     time: float,
     sequence: int,
     total_reinforcement: float,
@@ -41,22 +41,21 @@ def decision_of(
 
     Args:
         step: what was seen, planned, driven and earned.
-        fields: what it was seen with.
         time: seconds on the robot's clock, after the command.
         sequence: number of the step in its run, from 0.
         total_reinforcement: of the run, this step included.
         odometry: after the command.
     """
-    seen = step.before.resonance
+    seen = step.before.moment
     return Decision(
         time=time,
         sequence=sequence,
         frame_time=step.before.frame.time,
         situation=Situation(
-            node=int(seen.node),
-            neuron=int(step.before.neuron),
-            resonant=bool(seen.resonant),
-            match=float(seen.match),
+            node=int(seen.resonance.node),
+            neuron=int(seen.neuron),
+            resonant=bool(seen.resonance.resonant),
+            match=float(seen.resonance.match),
         ),
         alternatives=[
             Alternative(command=command.name, evaluation=value)
@@ -70,7 +69,7 @@ def decision_of(
             for weighed in step.plan.hypotheses
         ],
         activities=[round(activity, _DIGITS) for activity in step.plan.activities],
-        features=fields.tune(step.before.features).round(_DIGITS).tolist(),
+        features=seen.features.round(_DIGITS).tolist(),
         reinforcement=step.reinforcement,
         total_reinforcement=total_reinforcement,
         collided=step.outcome.collided,
@@ -80,15 +79,18 @@ def decision_of(
 
 
 def learned_of(brain: Brain) -> Learned:
-    """The payload of a map."""
+    """Describe a map; eyes other than receptive fields have no sectors."""
+    fields, mirror = Fields(sectors=0, width=0.0, channels=[]), Mirror()
+    if isinstance(brain.eyes, PanoramaEyes):
+        seen = brain.eyes.fields
+        fields = Fields(sectors=seen.sectors, width=seen.width, channels=list(CHANNELS))
+        mirror = brain.eyes.mirror
     return Learned(
-        situations=brain.art.size,
-        transitions=len(brain.map),
+        situations=brain.clusterer.size,
+        transitions=brain.transitions,
         commands=[Command(**asdict(command)) for command in COMMANDS],
-        fields=Fields(
-            sectors=brain.fields.sectors, width=brain.fields.width, channels=list(CHANNELS)
-        ),
-        eye=Eye(**asdict(brain.unwrap.mirror)),
+        fields=fields,
+        eye=Eye(**asdict(mirror)),
     )
 
 

@@ -15,12 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_map_file import a_brain
 
-from macor_hil.brain import Brain, Settings
 from macor_hil.checkpoints import checkpoint_path, train_map
 from macor_hil.errors import MapError
-from macor_hil.map_file import load_map, save_map
-from macor_hil.planners.planner import Now
-from macor_hil.planners.table import PLANNERS
+from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner
+from macor_hil.mind.map_file import load_map, save_map
+from macor_hil.mind.settings import MindSettings
 from macor_hil.training import Schedule
 
 MIB = 1 << 20
@@ -32,6 +31,9 @@ def whole(tmp_path_factory):
     path = tmp_path_factory.mktemp("maps") / "whole.npz"
     save_map(path, a_brain(), {"place": "here"})
     return path.read_bytes()
+
+
+OLDER = Path(__file__).parents[1] / "maps" / "version-3.npz"
 
 
 def members_of(data):
@@ -60,15 +62,13 @@ def map_of(arrays):
 
 def drive_by(brain):
     """Plan with all planners: what cannot be planned with should not have been read."""
-    if not brain.art.size:
+    if not brain.clusterer.size:
         return
-    features = np.full(brain.fields.size, 0.3)
-    node = brain.recognise(features, learn=False).node
-    now = Now(brain.map.neuron(node, 0), brain.memberships(features))
-    assert np.isfinite(now.memberships).all()
-    for planner in PLANNERS.values():
-        plan = planner().plan(brain.memory, now)
-        assert all(value is None or np.isfinite(value) for value in plan.evaluations)
+    now = brain.perceive(np.full(brain.eyes.raw_size, 0.3), 0, learn=False)
+    for planner in map(make_planner, PLANNERS.builtin):
+        if planner.memory in brain.memories:
+            plan = planner.plan(brain.memories[planner.memory], now)
+            assert all(value is None or np.isfinite(value) for value in plan.evaluations)
 
 
 def one_sentence(error, path):
@@ -92,6 +92,28 @@ def test_damaged_copies_of_a_map(hostile, whole, tmp_path):
 
     @settings(max_examples=hostile.examples(150))
     @given(damaged(whole))
+    def check(data):
+        hostile.count("maps")
+        refused_or_good(path, data)
+
+    check()
+
+
+def test_damaged_copies_of_a_map_of_the_version_before(hostile, tmp_path):
+    path = tmp_path / "map.npz"
+    members = members_of(OLDER.read_bytes())
+
+    @settings(max_examples=hostile.examples(100))
+    @given(
+        st.one_of(
+            damaged(OLDER.read_bytes()),
+            st.sampled_from(sorted(members)).flatmap(
+                lambda name: damaged(members[name]).map(
+                    lambda data: archive_of({**members, name: data})
+                )
+            ),
+        )
+    )
     def check(data):
         hostile.count("maps")
         refused_or_good(path, data)
@@ -161,28 +183,40 @@ def _put(value, place, item):
 
 
 NAN, INF = float("nan"), float("inf")
+COMPETENCE = ("settings", "memories", "transitions", "settings")
 
 
 @pytest.mark.parametrize(
     ("name", "change", "says"),
     [
-        ("weights", lambda a: a * NAN, "weights holds a number that is not between 0 and 1"),
-        ("weights", lambda a: a + 1.0, "weights holds a number"),
-        ("weights", lambda a: a[:, 1:], "weights is of float64 and shape"),
-        ("weights", lambda a: np.tile(a, (9, 1)), "63 nodes, and 7 at most"),
-        ("weights", lambda a: a.astype(int), "weights is of int64"),
-        ("prototypes", lambda a: a * INF, "prototypes holds a number"),
-        ("prototypes", lambda a: a.T, "prototypes is of"),
-        ("tried", lambda a: -a - 1.0, "tried holds a number"),
-        ("led_to", lambda a: a + 1e300, "led_to holds a number"),
-        ("led_to", lambda a: a + 9.0, "led to more, or earned more, than they were tried"),
-        ("earned", lambda a: a - 1e5, "led to more, or earned more"),
-        ("w_r", lambda a: a * 1e300, "w_r holds a number"),
-        ("w_r", lambda a: a[1:], "of different number"),
-        ("z", lambda a: a * 0, "z holds a number that is not between 1 and"),
-        ("past", lambda a: a + 99, "past holds a number"),
-        ("present", lambda a: a - 99, "present holds a number"),
-        ("present", lambda a: a * 0, "a transition twice"),
+        (
+            "clusterer/weights",
+            lambda a: a * NAN,
+            "weights holds a number that is not between 0 and 1",
+        ),
+        ("clusterer/weights", lambda a: a + 1.0, "weights holds a number"),
+        ("clusterer/weights", lambda a: a[:, 1:], "weights is of float64 and shape"),
+        ("clusterer/weights", lambda a: np.tile(a, (9, 1)), "63 nodes, and 7 at most"),
+        ("clusterer/weights", lambda a: a.astype(int), "weights is of int64"),
+        ("memories/graded/prototypes", lambda a: a * INF, "prototypes holds a number"),
+        ("memories/graded/prototypes", lambda a: a.T, "prototypes is of"),
+        ("memories/graded/tried", lambda a: -a - 1.0, "tried holds a number"),
+        ("memories/graded/led_to", lambda a: a + 1e300, "led_to holds a number"),
+        (
+            "memories/graded/led_to",
+            lambda a: a + 9.0,
+            "led to more, or earned more, than they were tried",
+        ),
+        ("memories/graded/earned", lambda a: a - 1e5, "led to more, or earned more"),
+        ("memories/transitions/w_r", lambda a: a * 1e300, "w_r holds a number"),
+        ("memories/transitions/w_r", lambda a: a[1:], "not as many neurons as counts"),
+        ("memories/transitions/z", lambda a: a * 0, "z holds a number that is not between 1 and"),
+        ("memories/transitions/past", lambda a: a + 99, "past holds a number"),
+        ("memories/transitions/present", lambda a: a - 99, "present holds a number"),
+        ("memories/transitions/present", lambda a: a * 0, "a transition twice"),
+        ("eyes/high", lambda a: a * 0, "the range of a channel is empty"),
+        ("eyes/high", lambda a: a[1:], "high is of float64 and shape"),
+        ("eyes/low", lambda a: a * NAN, "low holds a number"),
     ],
 )
 def test_impossible_numbers_are_refused_when_a_map_is_read(whole, tmp_path, name, change, says):
@@ -196,21 +230,23 @@ def test_impossible_numbers_are_refused_when_a_map_is_read(whole, tmp_path, name
 @pytest.mark.parametrize(
     ("place", "value", "says"),
     [
-        (("settings", "competence", "w_max"), 2.0, r"w_max should be less than 1, not 2.0"),
-        (("settings", "competence", "w_max"), NAN, "w_max should be"),
-        (("settings", "competence", "sigma"), 0.0, "sigma should be"),
+        (COMPETENCE, {"competence": {"w_max": 2.0}}, r"w_max: input should be less than 1"),
+        (COMPETENCE, {"competence": {"w_max": NAN}}, "w_max: input should be"),
+        (COMPETENCE, {"competence": {"sigma": 0.0}}, "sigma: input should be"),
+        (COMPETENCE, {"competance": {}}, "competance: extra inputs are not permitted"),
         (("settings", "nodes"), 13_000, "nodes should be less than or equal to 1000"),
         (("settings", "nodes"), 0, "nodes should be"),
-        (("settings", "vigilance"), -1.0, "vigilance should be"),
-        (("settings", "width"), 0.0, "width should be"),
-        (("settings", "sectors"), 10**9, "sectors should be"),
-        (("settings", "panorama", "columns"), 10**9, "columns should be"),
+        (("settings", "clusterer", "settings"), {"vigilance": -1.0}, "vigilance: input should be"),
+        (("settings", "memories", "graded", "settings"), {"width": 0.0}, "width: input should be"),
+        (("settings", "eyes", "settings"), {"sectors": 10**9}, "sectors: input should be"),
+        (("settings", "eyes", "settings"), {"panorama": {"columns": 10**9}}, "columns: input"),
+        (("settings", "eyes", "use"), "no-such-eyes", "there is no kind of eyes 'no-such-eyes'"),
+        (("settings", "eyes", "use"), "os:system", "code of its own, os:system"),
+        (("settings", "memories", "graded", "use"), "/tmp/x.py:X", "code of its own, /tmp/x.py:X"),
         (("settings", "mirror", "outer"), 3.0, "the inner rim must lie within the outer one"),
         (("settings", "mirror", "centre_x"), INF, "centre_x should be"),
         (("settings", "reinforcement", "turn"), INF, "turn should be"),
         (("settings", "colour"), 1, "colour: Unexpected keyword argument"),
-        (("fields", "high"), [0.0, 0.0, 0.0], "the range of a channel is empty"),
-        (("fields", "high"), [1.0, 1.0], "fields.high"),
         (("training",), [1], "training should be an object"),
     ],
 )
@@ -268,7 +304,7 @@ def test_what_expands_without_end_is_refused_before_it_is_expanded(tmp_path, bom
 
 
 def test_a_large_map_takes_no_more_than_its_bounds_allow(tmp_path):
-    brain = Brain(Settings(nodes=1000))
+    brain = build_brain(MindSettings(nodes=1000))
     save_map(tmp_path / "large.npz", brain, {"seen": [[0.25] * 36] * 2000})
     tracemalloc.start()
     try:
@@ -315,7 +351,7 @@ FACTS = {"place": "here", "schedule": asdict(SCHEDULE)}
 )
 def test_odd_checkpoints_are_refused_before_anything_is_driven(tmp_path, facts):
     path = tmp_path / "map.npz"
-    brain = Brain(Settings(nodes=7))
+    brain = build_brain(MindSettings(nodes=7))
     known = json.loads(json.dumps(FACTS, default=str))
     save_map(checkpoint_path(path), brain, {**known, **facts})
     hardware = (None, None, None)
@@ -326,7 +362,7 @@ def test_odd_checkpoints_are_refused_before_anything_is_driven(tmp_path, facts):
 
 def test_a_checkpoint_with_other_settings_is_another_training(tmp_path):
     path = tmp_path / "map.npz"
-    brain = Brain(Settings(nodes=7))
+    brain = build_brain(MindSettings(nodes=7))
     save_map(checkpoint_path(path), brain, {**FACTS, "sessions": 0})
     other = replace(brain.settings, nodes=8)
     with pytest.raises(MapError, match="settings differ"):

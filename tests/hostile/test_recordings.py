@@ -22,9 +22,10 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 from watching_helpers import BEGIN, a_life
 
-from macor_hil.brain import Brain, Settings
 from macor_hil.errors import MacorError, RecordingError
 from macor_hil.learning import learn
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.settings import MindSettings
 from macor_hil.telemetry.feed import Presence
 from macor_hil.telemetry.mcap_file import Damage, read_messages
 from macor_hil.telemetry.recording import Recorder, play_recording, read_recording
@@ -277,13 +278,13 @@ def test_learning_from_damaged_samples(hostile):
         odd = list(events)
         for k, data in damage:
             odd[k] = replace(odd[k], data=data)
-        brain = Brain(Settings(nodes=5))
+        brain = build_brain(MindSettings(nodes=5))
         try:
             assert 0 < learn(brain, [odd], np.random.default_rng(0)) <= 3
         except MacorError as error:
             assert_one_sentence(error, "")
         else:
-            assert np.isfinite(brain.art.weights).all()
+            assert np.isfinite(brain.clusterer.weights).all()
 
     check()
 

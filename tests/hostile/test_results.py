@@ -127,7 +127,7 @@ def test_a_damaged_drive_is_driven_again(kept, part, caplog):
     path.write_bytes(files[path][:-40])
     again = recordings[1]
     assert (again.raw == good.raw).all()
-    assert (again.brain.art.weights == good.brain.art.weights).all()
+    assert (again.brain.clusterer.weights == good.brain.clusterer.weights).all()
     assert {path: path.read_bytes() for path in files} == files
     assert "it is driven again" in caplog.text
 

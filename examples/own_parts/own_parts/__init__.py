@@ -1,0 +1,1 @@
+"""Example parts for khepera-macor: a planner, a clusterer and eyes."""

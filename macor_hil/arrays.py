@@ -1,0 +1,15 @@
+"""Types of arrays; shapes are said where they are used."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Image = NDArray[np.uint8]
+"""Picture of shape (height, width, 3), channels in OpenCV's order blue, green, red."""
+
+State = dict[str, NDArray[Any]]
+"""What a part has learned, as named arrays."""

@@ -1,0 +1,61 @@
+"""What all learning is made of: moments, and what a command led from one to the next."""
+
+from dataclasses import dataclass
+
+from macor_hil.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Resonance:
+    """Situation that a clusterer takes an input for.
+
+    Attributes:
+        node: the situation k.
+        resonant: whether the node's match reached the vigilance; if not, it is the nearest one.
+        match: |I ^ w_k| / M of that node, before learning.
+    """
+
+    node: int
+    resonant: bool
+    match: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """What the robot sees at one moment.
+
+    Attributes:
+        raw: untuned features, shape (M,).
+        features: features x, each in [0, 1], shape (M,).
+        resonance: the situation that they were taken for.
+        neuron: that situation, entered by the last command (i = k * m + a).
+    """
+
+    raw: Array
+    features: Array
+    resonance: Resonance
+    neuron: int
+
+    @property
+    def node(self) -> int:
+        """The situation k."""
+        return self.resonance.node
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Experience:
+    """A command and what it led to.
+
+    Attributes:
+        before: when the command was chosen.
+        command: its index a.
+        after: when it had been driven.
+        reinforcement: what it earned.
+        collided: whether it ended in a collision, which nothing follows.
+    """
+
+    before: Moment
+    command: int
+    after: Moment
+    reinforcement: float
+    collided: bool

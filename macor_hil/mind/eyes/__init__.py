@@ -1,0 +1,1 @@
+"""Eyes: from a picture to the visual features of a situation."""

@@ -1,0 +1,1 @@
+"""Memories: what commands led to, in the form that a planner reads."""

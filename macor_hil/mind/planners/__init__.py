@@ -1,0 +1,1 @@
+"""Planners: from the present moment and a memory to the next command."""

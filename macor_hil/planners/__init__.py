@@ -1,1 +1,0 @@
-"""Planners: from the present neuron and the map to the next command."""

@@ -1,1 +1,0 @@
-"""From a mirror image to the visual features x of a situation."""
