@@ -335,17 +335,11 @@ class Recordings:
             MapError: it is damaged.
         """
         brain, facts = load_map(self._map(seed))
-        path = self._frames(seed)
         try:
             seconds = checked(_SECONDS, facts.get("robot_seconds"))
-            arrays = read_arrays(read_bounded(path, _MOST_BYTES), _MOST_BYTES)
-            raw, commands, collided = (arrays[name] for name in ("raw", "commands", "collided"))
-            _check_frames(brain, raw, commands, collided)
-        except KeyError as error:
-            raise MapError(f"the recording {path} is damaged: it has no {error}") from None
-        except (OSError, InputError) as error:
-            raise MapError(f"the recording {path} is damaged: {error}") from None
-        return Recording(brain, raw, commands, collided, seconds)
+        except InputError as error:
+            raise MapError(f"{self._map(seed)} is damaged: its time {error}") from None
+        return Recording(brain, *read_frames(self._frames(seed), brain.fields.size), seconds)
 
     def _save(self, seed: int, recording: Recording) -> None:
         facts = {"port": self.drive.port(seed), "robot_seconds": recording.robot_seconds}
@@ -365,8 +359,29 @@ class Recordings:
         return self.folder / f"seed-{seed:04}.frames.npz"
 
 
+Frames = tuple[Features, NDArray[np.int64], NDArray[np.bool_]]
+"""Untuned features, commands and collisions; see `Recording`."""
+
+
+def read_frames(path: Path, features: int) -> Frames:
+    """Read frames of so many features each.
+
+    Raises:
+        MapError: the file is not there or damaged, or no drive can have given such frames.
+    """
+    try:
+        arrays = read_arrays(read_bounded(path, _MOST_BYTES), _MOST_BYTES)
+        raw, commands, collided = (arrays[name] for name in ("raw", "commands", "collided"))
+        _check_frames(features, raw, commands, collided)
+    except KeyError as error:
+        raise MapError(f"the recording {path} is damaged: it has no {error}") from None
+    except (OSError, InputError) as error:
+        raise MapError(f"the recording {path} is damaged: {error}") from None
+    return raw, commands, collided
+
+
 def _check_frames(
-    brain: Brain, raw: NDArray[Any], commands: NDArray[Any], collided: NDArray[Any]
+    features: int, raw: NDArray[Any], commands: NDArray[Any], collided: NDArray[Any]
 ) -> None:
     """Refuse frames that no drive can have given.
 
@@ -374,7 +389,7 @@ def _check_frames(
         InputError: they are of other shapes or kinds, or not possible.
     """
     count = len(commands) if commands.ndim else 0
-    shapes = (count, brain.fields.size), (count,), (count,)
+    shapes = (count, features), (count,), (count,)
     kinds = "fib"
     for array, shape, kind in zip((raw, commands, collided), shapes, kinds, strict=True):
         if array.shape != shape or array.dtype.kind != kind:
