@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and a closed terminal: one KeyboardInterrupt that can be held back.
+"""Ctrl-C, SIGTERM, a closed terminal: one KeyboardInterrupt that can be held back.
 
 A program takes the signals over with an `Interruption`. In a library (a notebook, a learner of
 one's own) they stay its owner's; `unwind_on_signals` only keeps them from ending the process
@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final, Self
 
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What tells a program to end."""
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""What tells a program to end: the keys Ctrl-C and Ctrl-\\, `kill`, a closed terminal."""
 
 _KILLED: Final = 128
 """Exit status of a process that a signal ended, less the signal's number."""
@@ -126,14 +126,14 @@ def undisturbed() -> Iterator[None]:
 
 
 def unwind_on_signals() -> None:
-    """Let SIGTERM and SIGHUP end the process by SystemExit where they would kill it at once.
+    """Let signals end the process by SystemExit where they would kill it at once.
 
     Then contexts, destructors and exit handlers run, and stop the robot. Handlers that are there
     already stay, and so does this one.
     """
     if not _in_main_thread():
         return
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in SIGNALS:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _exit)
 

@@ -201,9 +201,10 @@ WAYS_OUT = {
     "Ctrl-C": lambda drive: drive.signal(signal.SIGINT),
     "SIGTERM": lambda drive: drive.signal(signal.SIGTERM),
     "SIGHUP": lambda drive: drive.signal(signal.SIGHUP),
+    "SIGQUIT": lambda drive: drive.signal(signal.SIGQUIT),
     "terminal closed": Drive.close_terminal,
 }
 """What may end any of them."""
 
-STATUSES = {"Ctrl-C": 130, "SIGTERM": 0, "SIGHUP": 0, "terminal closed": 0}
+STATUSES = {"Ctrl-C": 130, "SIGTERM": 0, "SIGHUP": 0, "SIGQUIT": 130, "terminal closed": 0}
 """How a command of `macor-hil` then ends."""
