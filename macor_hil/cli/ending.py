@@ -70,12 +70,15 @@ def told(line: str) -> None:
 
 @contextmanager
 def kept(what: Callable[[], str]) -> Iterator[None]:
-    """Have it told what was kept, and how to go on, if the command is told to end meanwhile."""
+    """Have it told what was kept, and how to go on, if the command is told to end meanwhile.
+
+    Of contexts within each other the inner one tells.
+    """
     try:
         yield
     except BaseException as error:
         interruption = interruption_in_charge()
         # an interrupt may have become another error on its way, in a library that it hit
         if interruption and (interruption.name or isinstance(error, KeyboardInterrupt)):
-            interruption.kept = what()
+            interruption.kept = interruption.kept or what()
         raise
