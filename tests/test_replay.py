@@ -13,7 +13,7 @@ from emulator_process import PATIENCE, emulator
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator import wire_log
 from khepera_emulator.arena import load_arena
-from khepera_emulator.cli import main
+from khepera_emulator.cli.program import run
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.replay import Difference, replay
@@ -291,10 +291,9 @@ class TestCommand:
     @staticmethod
     def run(monkeypatch, capfd, *arguments):
         monkeypatch.setattr(sys, "argv", ["khepera-emulator", "replay", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
+        status = run()
         out, err = capfd.readouterr()
-        return ended.value.code, out, err
+        return status, out, err
 
     @pytest.fixture
     def file(self, tmp_path):
