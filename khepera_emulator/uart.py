@@ -42,12 +42,13 @@ class Uart:
         faults: what goes wrong on the line.
 
     Attributes:
-        lost: bytes dropped because a queue was full.
+        lost: bytes of the client that were dropped because the robot's buffer was full.
+        unsent: bytes of replies that were dropped because the line had no room for them.
         faults: what goes wrong on the line.
     """
 
     def __init__(self, baud: int | None, faults: Faults | None = None) -> None:
-        self.lost = 0
+        self.lost = self.unsent = 0
         self.faults = faults or Faults()
         self._faulty = bool(self.faults)
         self._client: LineFormat | None = None
@@ -273,14 +274,14 @@ class Uart:
         self._held.clear()
         self._splitter.clear()
         self.clear_replies()
-        self.lost = 0
+        self.lost = self.unsent = 0
         self._receiver_free = self._interpreter_free = self._sender_free = 0.0
         self._orphans = 0
 
     def _say(self, data: bytes, start: float) -> None:
         """Queue bytes for the client, to begin at a time if the line is free."""
         if len(self._sending.data) + len(data) > SEND_LIMIT:
-            self.lost += len(data)
+            self.unsent += len(data)
             return
         start = max(self._sender_free, start)
         if self._plain:

@@ -83,7 +83,7 @@ def test_a_reset_without_a_seed_powers_on_as_well(baud):
         fresh.emulator.reset(Reset())
         expected = state(fresh)
 
-    @settings(max_examples=20)
+    @settings(max_examples=60)
     @given(st.lists(steps, max_size=8))
     def check(past):
         with opened(baud) as port:
