@@ -265,15 +265,12 @@ class _Part:
         brain.go_on_from(known)
         try:
             frames, sessions, seconds = (facts[name] for name in ("frames", "sessions", "seconds"))
-            arrays = read_arrays(read_bounded(self._frames, _MOST_BYTES), _MOST_BYTES)
-            raw, commands, collided = (
-                arrays[name][:frames] for name in ("raw", "commands", "collided")
-            )
-            _check_frames(brain, raw, commands, collided)
-            reel.raw, reel.commands = list(raw), commands.tolist()
-            reel.collided = collided.tolist()
-        except (OSError, KeyError, TypeError, InputError) as error:
-            raise MapError(f"{self._frames} is damaged ({error}); take it away") from None
+            raw, commands, collided = read_frames(self._frames, brain.fields.size)
+        except (KeyError, TypeError) as error:
+            raise MapError(f"{self._map} is damaged ({error}); take it away") from None
+        # later ones may be there from a kill in between
+        reel.raw, reel.commands = list(raw[:frames]), commands[:frames].tolist()
+        reel.collided = collided[:frames].tolist()
         return sessions, seconds
 
     def remove(self) -> None:
