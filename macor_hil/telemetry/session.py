@@ -3,19 +3,14 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 import zenoh
 
 from macor_hil.errors import TelemetryError
 from protocol import zenoh_session
-from protocol.text import printable
 from protocol.zenoh_session import EndpointInUseError, SessionError
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
-
-_MOST_REASON: Final = 300
-"""Characters of a reason that a peer gives."""
 
 
 def open_session(
@@ -40,14 +35,6 @@ def open_session(
     except SessionError as error:
         hint = "" if file else "; an endpoint looks like tcp/127.0.0.1:7448"
         raise TelemetryError(f"{error}{hint}") from None
-
-
-def refusal(reply: zenoh.Reply) -> str:
-    """Return the reason that a peer gives for not answering a query."""
-    if reply.err is None:
-        return "no reason given"
-    reason = reply.err.payload.to_bytes()[:_MOST_REASON]
-    return printable(reason.decode(errors="backslashreplace"))
 
 
 def check_robot_name(name: str) -> None:
