@@ -1,7 +1,8 @@
 """Zenoh sessions of the controller and of those who watch it."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import zenoh
@@ -13,10 +14,11 @@ from protocol.zenoh_session import EndpointInUseError, SessionError
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 
+@contextmanager
 def open_session(
     listen: Sequence[str], connect: Sequence[str], file: Path | None = None
-) -> zenoh.Session:
-    """Open a session; use it as a context, a process with an open one may never exit.
+) -> Iterator[zenoh.Session]:
+    """Open a session for as long as it is used; see `protocol.zenoh_session`.
 
     Args:
         listen: endpoints to be found at; none: do not listen.
@@ -26,15 +28,17 @@ def open_session(
     Raises:
         TelemetryError: an endpoint is malformed or in use, or the file cannot be used.
     """
-    try:
-        return zenoh_session.open_session(listen, connect, file)
-    except EndpointInUseError as error:
-        raise TelemetryError(
-            f"{error}, perhaps another controller; end it or give another --listen endpoint"
-        ) from None
-    except SessionError as error:
-        hint = "" if file else "; an endpoint looks like tcp/127.0.0.1:7448"
-        raise TelemetryError(f"{error}{hint}") from None
+    with ExitStack() as stack:
+        try:
+            session = stack.enter_context(zenoh_session.open_session(listen, connect, file))
+        except EndpointInUseError as error:
+            raise TelemetryError(
+                f"{error}, perhaps another controller; end it or give another --listen endpoint"
+            ) from None
+        except SessionError as error:
+            hint = "" if file else "; an endpoint looks like tcp/127.0.0.1:7448"
+            raise TelemetryError(f"{error}{hint}") from None
+        yield session
 
 
 def check_robot_name(name: str) -> None:
