@@ -41,13 +41,13 @@ _ROBOTS: Final = 8
 _SPEED: Final = 5.0
 _HOUR: Final = 60.0
 _RUNS: Final = 300
-_COMMANDS: Final = 12
+_COMMANDS: Final = 8
 """Commands of a run at most."""
 
 _WARM: Final = 0.4
 _PART: Final = 0.1
-"""Part of the time after which memory and descriptors are looked at, and for how much of it: by then
-what is loaded late has been loaded, and Zenoh has buffers for as many peers as come at a time."""
+"""Part of the time after which memory and descriptors are looked at, and for how much of it: by
+then what is loaded late is loaded, and Zenoh has buffers for as many peers as come at a time."""
 
 _MEMORY: Final = 8.0
 """MB that a process may grow by; shared memory that is kept would be 17 MB a run."""
