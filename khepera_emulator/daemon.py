@@ -17,6 +17,7 @@ from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.port import Port
 from khepera_emulator.side_channel import SideChannel
 from khepera_emulator.wire_log import WireLog
+from khepera_emulator.wire_order import InOrder
 
 _log = logging.getLogger(__name__)
 
@@ -105,8 +106,8 @@ class Daemon:
             self._serve(set())  # what came before the stop counts
         finally:
             self._stop.close()
-        for line in self._lines:
-            line.log_losses()
+            for line in self._lines:
+                line.end()
 
     def _wait(self) -> set[int]:
         """Sleep until a client, a query, a byte's wire time or a robot's motion wants something."""
@@ -133,7 +134,7 @@ class Daemon:
         for line in self._lines:
             line.hand_over()
         for line in self._lines:
-            line.serve_channel(self._catch_up)
+            line.tell(self._catch_up)
 
     def _catch_up(self) -> None:
         self._emulator.reach(self._time())
@@ -170,7 +171,8 @@ class _Line:
         self._port = port
         self._follow_rate = follow_rate
         self._channel = channel
-        self._log = channel.listening(log) if channel else log
+        listener = channel.listening(log) if channel else log
+        self._log = InOrder(listener) if listener else None
         self._chunks: list[bytes] = []
         self._watched: tuple[int, ...] = ()
         self._room = _TAKE
@@ -221,14 +223,15 @@ class _Line:
             return False
         self._chunks = []
         emulator, uart, log = self._emulator, self._emulator.uart, self._log
-        if uart.faults:
-            emulator.reach(now)  # what happens to a byte may hang on what was said before it
+        # whatever was due before comes before: as when a log is replayed
+        emulator.reach(now)
         if self._asks_settings:
             self._set(now, self._port.settings())
         for chunk in chunks:
             if not chunk:
                 if log:
                     log.close(now)
+                emulator.reach(now)
                 emulator.hang_up()
                 continue
             limit = _LEFT_BEHIND + (_TAKE if chunk is chunks[-1] else 0)
@@ -266,19 +269,27 @@ class _Line:
             self._log.reply(uart.due(count), reply)
         uart.take(count)
 
-    def serve_channel(self, catch_up: Callable[[], None]) -> None:
-        """Answer one query and publish what is due."""
+    def tell(self, catch_up: Callable[[], None]) -> None:
+        """Tell those who watch what has passed, answer one query and publish what is due."""
+        if self._log:
+            self._log.pass_on(self._emulator.now)
         if self._channel and self._channel.delay() <= 0.0:
             catch_up()
             self._channel.serve(self._emulator)
 
-    def log_losses(self) -> None:
-        """Say how many bytes were dropped."""
+    def end(self) -> None:
+        """Tell the rest, and how many bytes were dropped."""
+        if self._log:
+            self._log.pass_on()
+        url, uart = self._port.url, self._emulator.uart
         _log.info(
-            "%d bytes to clients that did not read and %d bytes from clients were dropped",
+            "%s: %d bytes to clients that did not read and %d bytes of replies that the line had"
+            " no room for were dropped",
+            url,
             self._port.dropped,
-            self.lost + self._emulator.uart.lost,
+            uart.unsent,
         )
+        _log.info("%s: %d bytes from clients were dropped", url, self.lost + uart.lost)
 
 
 def _readable(descriptors: Sequence[int], seconds: float) -> set[int]:

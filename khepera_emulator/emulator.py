@@ -155,11 +155,15 @@ class Emulator:
 
     def execute(self, line: bytes, moment: float) -> None:
         """Carry out a request that has arrived at a moment; the reply goes on the line."""
-        self.uart.send(self._firmware.execute(line), moment)
+        panel = self._robot.panel
+        reply = self._firmware.execute(line)
+        if self._robot.panel is not panel:
+            # it has started again, and its banner comes at the rate of its jumpers
+            self.uart.use_rate(None)
+        self.uart.send(reply, moment)
         self._robot.heard()
         if self._next_rate is not None:
-            # a line that takes no time goes on taking none
-            self.uart.baud = self._next_rate if self.uart.baud else None
+            self.uart.use_rate(self._next_rate)
             self._next_rate = None
 
     def _change_rate(self, rate: int) -> None:

@@ -36,7 +36,7 @@ _LED_OFF, _LED_ON = 0, 1
 
 
 class Firmware:
-    """Interpreter of one robot's serial protocol.
+    """Interpreter of one robot's serial protocol, without a state of its own.
 
     Args:
         robot: what it reads and drives.
@@ -50,7 +50,6 @@ class Firmware:
         self._choices = robot.equipment.choices
         self._strict = self._choices.reject_beyond
         self._lenient = not self._choices.count_arguments
-        self._loading = False
         self._commands: dict[str, Callable[..., tuple[int, ...]]] = {
             "A": self._configure_speed,
             "C": self._set_position,
@@ -81,12 +80,13 @@ class Firmware:
 
     def execute(self, line: bytes) -> bytes:
         """Carry out one request line; every line gets an answer, but for the loader's records."""
-        if self._loading:
+        panel = self._robot.panel
+        if panel.loading:
             said = load_record(line)
             if said is not None:
-                self._loading = said != LOADER_DONE
+                panel.loading = said != LOADER_DONE
                 return encode_line(said) if said else b""
-            self._loading = False  # as nothing but power-on could end it on the robot (a choice)
+            panel.loading = False  # as nothing but power-on could end it on the robot (a choice)
         try:
             request = parse_request(line, self._strict, self._lenient)
             if isinstance(request, ToolCall):
@@ -209,7 +209,7 @@ class Firmware:
         lines = tool_lines(call.word, call.arguments, self._about())
         if lines is None:
             raise RequestError(COMMAND_NOT_FOUND, f"no such tool: {call}")
-        self._loading = begins_loader(call.word, call.arguments)
+        self._robot.panel.loading = begins_loader(call.word, call.arguments)
         rate = set_rate(call.word, call.arguments)
         if rate is not None:
             self._on_rate(rate)

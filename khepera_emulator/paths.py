@@ -8,12 +8,22 @@ from khepera_emulator.errors import EmulatorError
 from protocol.text import printable
 
 
-def check_output(path: Path, suffixes: Collection[str]) -> None:
+def check_name(option: str, path: Path) -> None:
+    """See that a path ends with a name, as `/` and `.` do not.
+
+    Raises:
+        EmulatorError: it does not.
+    """
+    if not path.name:
+        raise EmulatorError(f"{option} {path} names no file; give a path such as runs/khepera")
+
+
+def check_output(path: Path, suffixes: Collection[str] = ()) -> None:
     """See that a file can be written.
 
     Args:
         path: of the file; one that is there will be replaced.
-        suffixes: how its name may end.
+        suffixes: how its name may end; none: as it likes.
 
     Raises:
         EmulatorError: it cannot.
@@ -23,7 +33,7 @@ def check_output(path: Path, suffixes: Collection[str]) -> None:
     try:
         if path.is_dir():
             raise EmulatorError(f"cannot write {name}: it is a folder")
-        if path.suffix.lower() not in suffixes:
+        if suffixes and path.suffix.lower() not in suffixes:
             raise EmulatorError(f"cannot write {name}: give a name that ends with {_or(suffixes)}")
         if not folder.is_dir():
             raise EmulatorError(f"cannot write {name}: there is no folder {printable(str(folder))}")

@@ -11,8 +11,8 @@ import json
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import NamedTuple, Self, TypeVar, cast
@@ -384,8 +384,11 @@ def _stamp(sequence: int, emulator: Emulator) -> str:
     return Stamp(sequence=sequence, time=emulator.now).model_dump_json()
 
 
-def open_zenoh(listen: Sequence[str], connect: Sequence[str], config: Path | None) -> zenoh.Session:
-    """Open the session of an emulator.
+@contextmanager
+def open_zenoh(
+    listen: Sequence[str], connect: Sequence[str], config: Path | None
+) -> Iterator[zenoh.Session]:
+    """Open the session of an emulator for as long as it is used.
 
     Raises:
         EmulatorError: an endpoint is malformed or in use, or the configuration cannot be used.
@@ -395,10 +398,12 @@ def open_zenoh(listen: Sequence[str], connect: Sequence[str], config: Path | Non
     Raises:
         EmulatorError: an endpoint is malformed or in use, or the configuration cannot be used.
     """
-    try:
-        return open_session(listen, connect, config)
-    except EndpointInUseError as error:
-        raise EmulatorError(f"{error}; give another --listen endpoint, or --no-zenoh") from None
-    except SessionError as error:
-        hint = "" if config else "; an endpoint looks like tcp/127.0.0.1:7447"
-        raise EmulatorError(f"{error}{hint}") from None
+    with ExitStack() as stack:
+        try:
+            session = stack.enter_context(open_session(listen, connect, config))
+        except EndpointInUseError as error:
+            raise EmulatorError(f"{error}; give another --listen endpoint, or --no-zenoh") from None
+        except SessionError as error:
+            hint = "" if config else "; an endpoint looks like tcp/127.0.0.1:7447"
+            raise EmulatorError(f"{error}{hint}") from None
+        yield session

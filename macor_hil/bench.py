@@ -8,8 +8,8 @@ from typing import Any, Protocol, TypeVar
 import zenoh
 
 from macor_hil.errors import BenchError
-from macor_hil.telemetry.session import refusal
 from protocol.side_channel import Outline, Payload, PayloadError, Reset, Truth, robot_key
+from protocol.zenoh_reply import refusal
 
 _P = TypeVar("_P", bound=Payload)
 

@@ -173,7 +173,8 @@ def _announced_port(process: subprocess.Popen[bytes], said: IO[bytes]) -> str:
 
 def _last_words(said: IO[bytes]) -> str:
     said.seek(max(0, said.seek(0, os.SEEK_END) - _LAST_WORDS))
-    return printable(said.read().strip()) or "it said nothing"
+    lines = said.read().strip().splitlines()
+    return printable(lines[-1]) if lines else "it said nothing"
 
 
 def _drive(

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and a closed terminal: one KeyboardInterrupt that can be held back.
+"""Ctrl-C, SIGTERM, a closed terminal: one KeyboardInterrupt that can be held back.
 
 A program takes the signals over with an `Interruption`. In a library (a notebook, a learner of
 one's own) they stay its owner's; `unwind_on_signals` only keeps them from ending the process
@@ -23,8 +23,8 @@ _AGAIN: Final = 0.02
 _TRIES: Final = 10
 """Times that it is tried: whoever is there longer than that waits, and locks nothing."""
 
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What tells a program to end."""
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""What tells a program to end: the keys Ctrl-C and Ctrl-\\, `kill`, a closed terminal."""
 
 _KILLED: Final = 128
 """Exit status of a process that a signal ended, less the signal's number."""
@@ -165,14 +165,14 @@ def undisturbed() -> Iterator[None]:
 
 
 def unwind_on_signals() -> None:
-    """Let SIGTERM and SIGHUP end the process by SystemExit where they would kill it at once.
+    """Let signals end the process by SystemExit where they would kill it at once.
 
     Then contexts, destructors and exit handlers run, and stop the robot. Handlers that are there
     already stay, and so does this one.
     """
     if not _in_main_thread():
         return
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in SIGNALS:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _exit)
 

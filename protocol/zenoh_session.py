@@ -9,7 +9,9 @@ output.
 """
 
 import json
-from collections.abc import Sequence
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +20,8 @@ import zenoh
 from protocol.text import printable
 from protocol.zenoh_config import MOST_MESSAGE, zenoh_config
 from protocol.zenoh_trouble import TLS, Tls, reason_of_silence
+
+_log = logging.getLogger(__name__)
 
 _TLS_FILES: Final = (
     "root_ca_certificate",
@@ -45,10 +49,14 @@ class EndpointInUseError(SessionError):
     """Another program listens on an endpoint already."""
 
 
+@contextmanager
 def open_session(
     listen: Sequence[str], connect: Sequence[str], file: Path | None = None
-) -> zenoh.Session:
-    """Open a session; use it as a context, a process with an open one may never exit.
+) -> Iterator[zenoh.Session]:
+    """Open a session for as long as it is used: a process with an open one may never exit.
+
+    Where peers come and go at the same moment, closing may time out. That is logged: everything has
+    been said by then.
 
     Args:
         listen: endpoints to be found at; none: do not listen.
@@ -61,13 +69,24 @@ def open_session(
     """
     zenoh.try_init_log_from_env()
     if file is not None:
-        return _open(read_configuration(file), f"as {file} says")
-    where = f"on {', '.join([*listen, *connect])}"
+        session = _open(read_configuration(file), f"as {file} says")
+    else:
+        where = f"on {', '.join([*listen, *connect])}"
+        session = _open(_configuration(listen, connect, where), where)
     try:
-        config = zenoh.Config.from_json5(zenoh_config(listen, connect))
+        yield session
+    finally:
+        try:
+            session.close()
+        except zenoh.ZError as error:
+            _log.warning("a Zenoh session does not close: %s", _text(error))
+
+
+def _configuration(listen: Sequence[str], connect: Sequence[str], where: str) -> zenoh.Config:
+    try:
+        return zenoh.Config.from_json5(zenoh_config(listen, connect))
     except zenoh.ZError as error:
         raise SessionError(f"cannot open a Zenoh session {where}: {_text(error)}") from None
-    return _open(config, where)
 
 
 def read_configuration(file: Path) -> zenoh.Config:

@@ -9,9 +9,11 @@ import sys
 import termios
 import threading
 import time
+import tty
 
 import cv2
 import numpy as np
+import serial
 from emulator_process import PATIENCE, free_endpoint
 
 MACOR_HIL = [sys.executable, "-m", "macor_hil.cli"]
@@ -23,6 +25,7 @@ _LOOK = 20
 """Milliseconds between two looks at whether the terminal is to be closed."""
 
 LEARNER = """
+import signal
 import sys
 from functools import partial
 import gymnasium
@@ -34,15 +37,17 @@ env = gymnasium.make(
     f"khepera/{name}-v0", port=port, camera=f"images:{pictures}", drive=DriveSettings(speed=2)
 ).unwrapped
 env.reset()
+signal.signal(signal.SIGUSR1, lambda *_: 1 / 0)
 while True:
     env.step(2 if name == "Commands" else [0.016, 0.016])
 """
 """A learner without any care for its end."""
 
 
-def programs(rig, map_file):
+def programs(rig, map_file, port=None):
     """Commands that drive the rig's robot slowly for long, by name."""
-    line = ["--port", str(rig.link), "--baud", str(rig.baud), "--speed", str(SLOW)]
+    port = str(port or rig.link)
+    line = ["--port", port, "--baud", str(rig.baud), "--speed", str(SLOW)]
     emulator = ["--connect", rig.endpoint]
     new = rig.folder / f"new-{free_endpoint().rpartition(':')[2]}"
     listen = ["--listen", free_endpoint()]
@@ -55,18 +60,18 @@ def programs(rig, map_file):
             *(*MACOR_HIL, "calibrate", *line, *emulator, "--emulated"),
             *("--side", "0.3", "--profile", f"{new}.json"),
         ],
-        **{name: learner(rig, name) for name in ("Commands", "Wheels")},
+        **{name: learner(rig, name, port) for name in ("Commands", "Wheels")},
     }
 
 
-def learner(rig, name):
+def learner(rig, name, port):
     """A learner in an environment, whose camera shows pictures from files."""
     pictures = rig.folder / "pictures"
     if not pictures.exists():
         pictures.mkdir()
         for number in range(1000):
             cv2.imwrite(str(pictures / f"{number:04}.png"), _PICTURE)
-    return [sys.executable, "-c", LEARNER, str(rig.link), str(pictures), str(rig.baud), name]
+    return [sys.executable, "-c", LEARNER, port, str(pictures), str(rig.baud), name]
 
 
 _PICTURE = np.random.default_rng(1).integers(0, 255, (160, 160, 3), np.uint8)
@@ -153,13 +158,53 @@ class Drive:
         os.close(self._master)
 
 
+class Cable:
+    """A serial line between a program and the rig's robot that can be pulled.
+
+    Attributes:
+        port: the program's end.
+    """
+
+    def __init__(self, rig):
+        self._robot = serial.Serial(str(rig.link), rig.baud, stopbits=2, timeout=0)
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.port = os.ttyname(self._slave)
+        self._pulled = self._ended = False
+        self._carrier = threading.Thread(target=self._carry, daemon=True)
+        self._carrier.start()
+        rig.controllers.append(self)
+
+    def pull(self):
+        self._pulled = True
+
+    def close(self):
+        self._ended = True
+        self._carrier.join()
+        self._robot.close()
+        os.close(self._master)
+        os.close(self._slave)
+
+    def _carry(self):
+        poll = select.poll()
+        ends = {self._master: self._robot.fd, self._robot.fd: self._master}
+        for end in ends:
+            poll.register(end, select.POLLIN)
+        while not self._ended:
+            for end, _ in poll.poll(_LOOK):
+                data = os.read(end, 4096)
+                if not self._pulled:
+                    os.write(ends[end], data)
+
+
 WAYS_OUT = {
     "Ctrl-C": lambda drive: drive.signal(signal.SIGINT),
     "SIGTERM": lambda drive: drive.signal(signal.SIGTERM),
     "SIGHUP": lambda drive: drive.signal(signal.SIGHUP),
+    "SIGQUIT": lambda drive: drive.signal(signal.SIGQUIT),
     "terminal closed": Drive.close_terminal,
 }
 """What may end any of them."""
 
-STATUSES = {"Ctrl-C": 130, "SIGTERM": 0, "SIGHUP": 0, "terminal closed": 0}
+STATUSES = {"Ctrl-C": 130, "SIGTERM": 0, "SIGHUP": 0, "SIGQUIT": 130, "terminal closed": 0}
 """How a command of `macor-hil` then ends."""

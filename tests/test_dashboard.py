@@ -1,5 +1,6 @@
 """The dashboard's drawings and words, and scrubbing through a recording; no browser here."""
 
+import contextlib
 import logging
 import xml.etree.ElementTree as ElementTree
 from math import radians
@@ -8,7 +9,7 @@ import pytest
 from controller_helpers import a_decision, a_state
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
 
-from macor_hil.monitor.dashboard import arena, charts, eyes, texts
+from macor_hil.monitor.dashboard import arena, charts, eyes, texts, ticks
 from macor_hil.monitor.dashboard.failures import Failures, OnceEach
 from macor_hil.monitor.dashboard.sources import Player
 from macor_hil.monitor.watched import Controlled, Emulated, Watched
@@ -167,6 +168,25 @@ def test_what_fails_in_the_page_is_counted_and_logged_once(caplog):
     log.warning("something else")
     log.warning("something else")
     assert len(caplog.records) == 3
+
+
+def test_what_is_done_again_and_again_outlives_failures_and_counts_on_no_wall_clock(monkeypatch):
+    waiting, done = [], []
+    monkeypatch.setattr(
+        ticks.app, "timer", lambda seconds, turn, once: waiting.append((seconds, turn, once))
+    )
+
+    def fail():
+        done.append(1)
+        raise ZeroDivisionError
+
+    ticks.again_and_again(0.1, fail, lambda: len(done) < 3)
+    while waiting:
+        seconds, turn, once = waiting.pop()
+        assert (seconds, once, waiting) == (0.1, True, [])  # a repeated one reads the wall clock
+        with contextlib.suppress(ZeroDivisionError):
+            turn()
+    assert len(done) == 3
 
 
 def test_the_status_tells_who_is_there():

@@ -9,6 +9,8 @@ import sys
 import threading
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from drives import MACOR_HIL, STATUSES, WAYS_OUT, Drive
 from emulator_process import PATIENCE, emulator, free_endpoint
@@ -356,6 +358,32 @@ def refuse(arguments, says, folder, monkeypatch, capfd):
     assert said.startswith("macor-hil: ")
     assert re.search(says, said)
     assert sorted(folder.iterdir()) == before
+
+
+def test_a_camera_of_a_wrong_size_fails_at_once_with_the_same_hint(map_file, tmp_path):
+    (tmp_path / "small").mkdir()
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / "small" / f"{number}.png"), np.full((80, 80, 3), 99, np.uint8))
+    camera = ("--camera", "images:small", "--port", "khepera://open-box?seed=1")
+    for_ever = ("--recovery", "100000", "--listen", free_endpoint())
+    run = macor_hil("run", "--map", str(map_file), *camera, *for_ever, folder=tmp_path)
+    look = macor_hil("look", "--picture", "a.png", *camera, folder=tmp_path)
+    train = macor_hil("train", "--map", "a", "--recovery", "back", *camera, folder=tmp_path)
+    assert {run.returncode, look.returncode, train.returncode} == {Status.FAILED}
+    hints = {done.stderr.splitlines()[-1].partition("picture")[2] for done in (run, look, train)}
+    (hint,) = hints
+    assert "macor-hil camera --calibrate" in hint
+
+
+def test_a_robots_wrong_name_fails_at_once(map_file, tmp_path):
+    with emulator("--listen", (endpoint := free_endpoint()), "--baud", "unpaced") as robot:
+        done = macor_hil(
+            *("run", "--port", robot.path, "--map", str(map_file), "--robot", "other"),
+            *("--recovery", "100000", "--listen", free_endpoint(), "--connect", endpoint),
+            folder=tmp_path,
+        )
+    assert done.returncode == Status.FAILED
+    assert "no camera answers on the Zenoh key khepera/other/camera" in done.stderr
 
 
 def test_the_statuses_are_documented():

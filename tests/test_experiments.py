@@ -360,7 +360,7 @@ def longer(name: str) -> Callable[[str], str]:
         ("macor_hil/telemetry/publisher.py", extended, False, False),
         ("macor_hil/monitor/view.py", extended, False, False),
         ("macor_hil/cli/learning.py", extended, False, False),
-        ("khepera_emulator/cli.py", extended, False, False),
+        ("khepera_emulator/cli/commands.py", extended, False, False),
         ("khepera_emulator/ports/tcp.py", extended, False, False),
         ("macor_hil/brain.py", "# a comment\n{}".format, False, False),
     ],

@@ -436,3 +436,15 @@ def test_how_time_is_cut_makes_no_difference():
             return port.emulator.read(), port.emulator.truth().pose
 
     assert drive(1) == drive(7) == drive(1501)
+
+
+def test_opens_in_a_process_whose_error_output_is_closed():
+    program = (
+        "import serial, khepera_emulator\n"
+        "port = serial.serial_for_url('khepera://corridor', timeout=1)\n"
+        "port.write(b'B\\n')\n"
+        "print(port.readline())\n"
+    )
+    command = ["sh", "-c", 'exec "$0" -c "$1" 2>&-', sys.executable, program]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, timeout=60)
+    assert done.stdout == "b'b,5.01,5.00\\r\\n'\n"

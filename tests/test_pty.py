@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import serial
-from unprivileged import as_nobody
+from unprivileged import as_nobody, enter_from_outside
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
@@ -448,20 +448,25 @@ class TestSettings:
             assert termios.tcgetattr(terminal)[:6] == settings[:6]
 
     @pytest.mark.parametrize("request_line", [b"", b"N\n"])
-    def test_bar_nobody_for_ever(self, port, request_line):
-        with client(port) as terminal:
-            # it would stay so when the client has left: only root could open it, perhaps not we
-            fcntl.ioctl(terminal, termios.TIOCEXCL)
-            assert is_exclusive(terminal)
-            os.write(terminal, request_line)
+    def test_bar_nobody_for_ever(self, request_line):
+        def check():
+            port = PtyPort()
+            with client(port) as terminal:
+                # it would stay so when the client has left: only root could open it, not we
+                fcntl.ioctl(terminal, termios.TIOCEXCL)
+                assert is_exclusive(terminal)
+                os.write(terminal, request_line)
+                received(port)
             received(port)
-        received(port)
-        with client(port) as terminal:
-            assert not is_exclusive(terminal)
-            os.write(terminal, b"D,0,0\n")
-            assert received(port) == [b"D,0,0\n"]
-            port.write(b"d\r\n")
-            assert unread(terminal) == b"d\r\n"
+            with client(port) as terminal:
+                assert not is_exclusive(terminal)
+                os.write(terminal, b"D,0,0\n")
+                assert received(port) == [b"D,0,0\n"]
+                port.write(b"d\r\n")
+                assert unread(terminal) == b"d\r\n"
+            port.close()
+
+        as_nobody(check)
 
     def test_modem_lines_flushes_and_breaks_do_no_harm(self, port):
         with client(port) as terminal:
@@ -589,13 +594,6 @@ def is_served(port):
         port.write(b"b\r\n")
         assert unread(terminal) == b"b\r\n"
     assert received(port) == [b""]
-
-
-def enter_from_outside(folder):
-    """Let everybody reach a folder of pytest's, which makes them for its own user."""
-    for each in [folder, *folder.parents]:
-        if each.stat().st_uid == os.getuid() and each.name.startswith(("pytest-", "test_")):
-            each.chmod(each.stat().st_mode | 0o011)
 
 
 def is_exclusive(terminal):

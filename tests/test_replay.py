@@ -13,7 +13,7 @@ from emulator_process import PATIENCE, emulator
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator import wire_log
 from khepera_emulator.arena import load_arena
-from khepera_emulator.cli import main
+from khepera_emulator.cli.program import run
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.replay import Difference, replay
@@ -77,7 +77,7 @@ class TestRecording:
         faults = [json.loads(line) for line in recorded.read_text().splitlines() if "flip" in line]
         assert faults[1]["what"] == "fault"
         assert faults[1]["direction"] in ("request", "reply")
-        times = [each.time for each in log.entries if each.what in ("request", "close")]
+        times = [each.time for each in log.entries]
         assert times == sorted(times)
 
     def test_played_in_virtual_time_gives_the_same_bytes(self, recorded):
@@ -85,6 +85,25 @@ class TestRecording:
         result = play(log, log.url)
         assert isinstance(result, int), str(result)
         assert result > 12
+
+    def test_of_a_line_that_takes_no_time_gives_the_same_bytes(self, tmp_path):
+        path = tmp_path / "wire.jsonl"
+        options = ("--baud", "unpaced", "--speed", "20")
+        with emulator("--no-zenoh", "--seed", "3", "--record", str(path), *options) as running:
+            for _ in range(2):
+                with serial.Serial(running.path, timeout=PATIENCE) as port:
+                    # while it moves every millisecond counts
+                    for request in (b"D,9,7\n", b"H\nE\n", b"C,50,90\n", b"K\nN\n") * 8:
+                        port.write(request)
+                        for _ in range(request.count(b"\n")):
+                            port.read_until(b"\n")
+                    port.write(b"H\nN\n")  # and leave
+        log = read_log(path)
+        result = play(log, log.url)
+        assert isinstance(result, int), str(result)
+        assert result >= 2 * 8 * 6
+        times = [each.time for each in log.entries]
+        assert times == sorted(times)
 
     def test_of_another_robot_differs(self, recorded):
         log = read_log(recorded)
@@ -291,10 +310,9 @@ class TestCommand:
     @staticmethod
     def run(monkeypatch, capfd, *arguments):
         monkeypatch.setattr(sys, "argv", ["khepera-emulator", "replay", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
+        status = run()
         out, err = capfd.readouterr()
-        return ended.value.code, out, err
+        return status, out, err
 
     @pytest.fixture
     def file(self, tmp_path):

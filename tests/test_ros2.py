@@ -313,7 +313,7 @@ def test_the_bridge_is_a_process_that_a_signal_ends():
                 _, said = process.communicate(timeout=PATIENCE)
             finally:
                 process.kill()
-    assert (process.returncode, said) == (0, "")
+    assert (process.returncode, said) == (0, "macor-hil: ended by SIGTERM\n")
 
 
 def test_nodes_find_the_bridge_as_they_come():

@@ -284,8 +284,12 @@ def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
 
 
 def test_an_endpoint_in_use_is_one_clear_sentence(endpoint):
-    with open_session([endpoint], []), pytest.raises(TelemetryError) as failure:
-        open_session([endpoint], [])
+    with (
+        open_session([endpoint], []),
+        pytest.raises(TelemetryError) as failure,
+        open_session([endpoint], []),
+    ):
+        pass
     assert endpoint in str(failure.value)
     assert "already" in str(failure.value)
     assert "--listen" in str(failure.value)
@@ -294,8 +298,20 @@ def test_an_endpoint_in_use_is_one_clear_sentence(endpoint):
 
 
 def test_a_malformed_endpoint_is_one_clear_sentence():
-    with pytest.raises(TelemetryError, match=r"nonsense.*looks like tcp/"):
-        open_session(["nonsense"], [])
+    refused = pytest.raises(TelemetryError, match=r"nonsense.*looks like tcp/")
+    with refused, open_session(["nonsense"], []):
+        pass
+
+
+def test_a_session_that_does_not_close_is_told_and_no_more(endpoint, monkeypatch, caplog):
+    class Stubborn:
+        def close(self):
+            raise zenoh.ZError("close operation timed out! at /somewhere.rs:1.")
+
+    monkeypatch.setattr(zenoh, "open", lambda _: Stubborn())
+    with open_session([endpoint], []):
+        pass
+    assert caplog.messages == ["a Zenoh session does not close: close operation timed out!"]
 
 
 @pytest.mark.parametrize("name", ["", "*", "a/b", "a b", "robot#1", "rob\not"])

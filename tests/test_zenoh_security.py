@@ -221,8 +221,12 @@ def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder):
     ],
 )
 def test_who_gets_nothing_is_told_why(folder, name, reason):
-    with pytest.raises(TelemetryError, match=f"{name}.json5 says: .*{reason}") as failure:
-        open_session([], [], folder / f"{name}.json5")
+    config = folder / f"{name}.json5"
+    with (
+        pytest.raises(TelemetryError, match=f"{name}.json5 says: .*{reason}") as failure,
+        open_session([], [], config),
+    ):
+        pass
     assert "\n" not in str(failure.value)
 
 
@@ -238,8 +242,10 @@ def test_a_file_that_cannot_be_used_is_named(tmp_path, folder, opened):
         ("ca", "its transport/link/tls/root_ca_certificate, .*nowhere: No such file"),
         ("key", "its transport/link/tls/connect_private_key, .*nowhere: No such file"),
     ):
-        with pytest.raises((TelemetryError, EmulatorError), match=reason):
-            opened([], [], tmp_path / f"{name}.json5")
+        config = tmp_path / f"{name}.json5"
+        refused = pytest.raises((TelemetryError, EmulatorError), match=reason)
+        with refused, opened([], [], config):
+            pass
 
 
 def test_what_a_file_says_of_shared_memory_and_of_long_messages_does_not_count(tmp_path):

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Self
 
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.paths import check_name
 from protocol.terminal_link import LOCK_TEXT, lock_beside
 from protocol.text import printable
 
@@ -38,8 +39,7 @@ class Link:
     """
 
     def __init__(self, path: Path) -> None:
-        if not path.name:
-            raise EmulatorError(f"--link {path} names no file; give a path such as runs/khepera")
+        check_name("--link", path)
         self.path = path
         self._target: str | None = None
         self._lock_path = lock_beside(path)

@@ -203,9 +203,10 @@ def demo(
             "driving live; watch from another terminal: macor-hil dashboard"
             f"{settings.watching}, or monitor"
         )
-        result = run_demo(
-            settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}")
-        )
+        with kept(lambda: f"the map is in {map_file}; the same command drives by it anew"):
+            result = run_demo(
+                settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}")
+            )
     draw_trials(picture, result.outline, result.trials)
     table = Table("planner", "commands", "reinforcement", "collision", "picture")
     for name, trial in result.trials.items():

@@ -216,8 +216,14 @@ def trials(
         memory_for(brain, one)
     names = [name for name, one in known.items() if one.memory in brain.memories]
     results: dict[str, list[Trial]] = {}
+
+    def driven() -> str:
+        done, of = sum(map(len, results.values())), count * len(names)
+        return f"{done} of {of} trials were driven; the same command begins anew"
+
     try:
         with (
+            kept(driven),
             signals_taken_over() as interruption,
             hardware_of(port, "auto", baud, robot, connect, zenoh_config) as hardware,
             progress_bar(count * len(names)) as progress,
@@ -231,13 +237,8 @@ def trials(
                 for k in range(count):
                     of_planner.append(_trial(agent, name, hardware.bench, [seed, k]))
                     progress(number * count + k + 1)
-    except KeyboardInterrupt:
-        driven = sum(map(len, results.values()))
-        of = count * len(names)
-        with kept(lambda: f"{driven} of {of} trials were driven; the same command begins anew"):
-            _show(results)
-            raise
-    _show(results)
+    finally:
+        _show(results)
 
 
 def _trial(agent: Agent, name: str, bench: Bench, seed: list[int]) -> Trial:

@@ -111,7 +111,7 @@ def replay(
     with (
         open_session(listen, [], zenoh_config) as session,
         Stage(session, robot or name) as stage,
-        kept(lambda: f"{stage.shown} events were published; {file} is as it was"),
+        kept(lambda: f"{stage.shown} events were published; the same command begins anew"),
     ):
         count = play(events, stage, speed)
     typer.echo(f"{file}: {count} events of {printable(name)}")

@@ -226,18 +226,15 @@ class _Part:
         brain, facts = load_map(self._map)
         try:
             frames, sessions, seconds = (facts[name] for name in ("frames", "sessions", "seconds"))
-            arrays = read_arrays(read_bounded(self._frames, _MOST_BYTES), _MOST_BYTES)
-            raw, commands, collided = (
-                arrays[name][:frames] for name in ("raw", "commands", "collided")
-            )
-            _check_frames(brain, raw, commands, collided)
-        except (OSError, KeyError, TypeError, InputError) as error:
-            raise MapError(f"{self._frames} is damaged ({error}); take it away") from None
+            raw, commands, collided = read_frames(self._frames, brain.eyes.raw_size)
+        except (KeyError, TypeError) as error:
+            raise MapError(f"{self._map} is damaged ({error}); take it away") from None
         seen = [
             Seen(x, None if a == PUT_DOWN else a, hit)
             for x, a, hit in zip(raw, commands.tolist(), collided.tolist(), strict=True)
         ]
-        return brain, seen, sessions, seconds
+        # later ones may be there from a kill in between
+        return brain, seen[:frames], sessions, seconds
 
     def remove(self) -> None:
         """Take the files away: the recording is there."""
@@ -298,17 +295,11 @@ class Recordings:
             MapError: it is damaged.
         """
         brain, facts = load_map(self._map(seed))
-        path = self._frames(seed)
         try:
             seconds = checked(_SECONDS, facts.get("robot_seconds"))
-            arrays = read_arrays(read_bounded(path, _MOST_BYTES), _MOST_BYTES)
-            raw, commands, collided = (arrays[name] for name in ("raw", "commands", "collided"))
-            _check_frames(brain, raw, commands, collided)
-        except KeyError as error:
-            raise MapError(f"the recording {path} is damaged: it has no {error}") from None
-        except (OSError, InputError) as error:
-            raise MapError(f"the recording {path} is damaged: {error}") from None
-        return Recording(brain, raw, commands, collided, seconds)
+        except InputError as error:
+            raise MapError(f"{self._map(seed)} is damaged: its time {error}") from None
+        return Recording(brain, *read_frames(self._frames(seed), brain.eyes.raw_size), seconds)
 
     def _save(self, seed: int, recording: Recording) -> None:
         facts = {"port": self.drive.port(seed), "robot_seconds": recording.robot_seconds}
@@ -328,14 +319,35 @@ class Recordings:
         return self.folder / f"seed-{seed:04}.frames.npz"
 
 
-def _check_frames(brain: Brain, raw: Array, commands: Indices, collided: Mask) -> None:
+Frames = tuple[Array, Indices, Mask]
+"""Untuned features, commands and collisions; see `Recording`."""
+
+
+def read_frames(path: Path, features: int) -> Frames:
+    """Read frames of so many features each.
+
+    Raises:
+        MapError: the file is not there or damaged, or no drive can have given such frames.
+    """
+    try:
+        arrays = read_arrays(read_bounded(path, _MOST_BYTES), _MOST_BYTES)
+        raw, commands, collided = (arrays[name] for name in ("raw", "commands", "collided"))
+        _check_frames(features, raw, commands, collided)
+    except KeyError as error:
+        raise MapError(f"the recording {path} is damaged: it has no {error}") from None
+    except (OSError, InputError) as error:
+        raise MapError(f"the recording {path} is damaged: {error}") from None
+    return raw, commands, collided
+
+
+def _check_frames(features: int, raw: Array, commands: Indices, collided: Mask) -> None:
     """Refuse frames that no drive can have given.
 
     Raises:
         InputError: they are of other shapes or kinds, or not possible.
     """
     count = len(commands) if commands.ndim else 0
-    shapes = (count, brain.eyes.raw_size), (count,), (count,)
+    shapes = (count, features), (count,), (count,)
     kinds = "fib"
     for array, shape, kind in zip((raw, commands, collided), shapes, kinds, strict=True):
         if array.shape != shape or array.dtype.kind != kind:

@@ -1,27 +1,24 @@
 """Zenoh sessions of the controller and of those who watch it."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Final
 
 import zenoh
 
 from macor_hil.errors import TelemetryError
 from protocol import zenoh_session
-from protocol.text import printable
 from protocol.zenoh_session import EndpointInUseError, SessionError
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
-_MOST_REASON: Final = 300
-"""Characters of a reason that a peer gives."""
 
-
+@contextmanager
 def open_session(
     listen: Sequence[str], connect: Sequence[str], file: Path | None = None
-) -> zenoh.Session:
-    """Open a session; use it as a context, a process with an open one may never exit.
+) -> Iterator[zenoh.Session]:
+    """Open a session for as long as it is used; see `protocol.zenoh_session`.
 
     Args:
         listen: endpoints to be found at; none: do not listen.
@@ -31,23 +28,17 @@ def open_session(
     Raises:
         TelemetryError: an endpoint is malformed or in use, or the file cannot be used.
     """
-    try:
-        return zenoh_session.open_session(listen, connect, file)
-    except EndpointInUseError as error:
-        raise TelemetryError(
-            f"{error}, perhaps another controller; end it or give another --listen endpoint"
-        ) from None
-    except SessionError as error:
-        hint = "" if file else "; an endpoint looks like tcp/127.0.0.1:7448"
-        raise TelemetryError(f"{error}{hint}") from None
-
-
-def refusal(reply: zenoh.Reply) -> str:
-    """Return the reason that a peer gives for not answering a query."""
-    if reply.err is None:
-        return "no reason given"
-    reason = reply.err.payload.to_bytes()[:_MOST_REASON]
-    return printable(reason.decode(errors="backslashreplace"))
+    with ExitStack() as stack:
+        try:
+            session = stack.enter_context(zenoh_session.open_session(listen, connect, file))
+        except EndpointInUseError as error:
+            raise TelemetryError(
+                f"{error}, perhaps another controller; end it or give another --listen endpoint"
+            ) from None
+        except SessionError as error:
+            hint = "" if file else "; an endpoint looks like tcp/127.0.0.1:7448"
+            raise TelemetryError(f"{error}{hint}") from None
+        yield session
 
 
 def check_robot_name(name: str) -> None:

@@ -7,6 +7,7 @@ import tracemalloc
 import zipfile
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from test_map_file import a_brain
 
 from macor_hil.checkpoints import checkpoint_path, train_map
+from macor_hil.drive import DriveSettings
 from macor_hil.errors import MapError
 from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner
 from macor_hil.mind.map_file import load_map, save_map
@@ -322,7 +324,8 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path):
 
 
 SCHEDULE = Schedule(tuning=20, random=30, session=10)
-FACTS = {"place": "here", "schedule": asdict(SCHEDULE)}
+HARDWARE = (SimpleNamespace(settings=DriveSettings()), None, None)
+FACTS = {"place": "here", "schedule": asdict(SCHEDULE), "drive": asdict(DriveSettings())}
 
 
 @pytest.mark.parametrize(
@@ -354,9 +357,8 @@ def test_odd_checkpoints_are_refused_before_anything_is_driven(tmp_path, facts):
     brain = build_brain(MindSettings(nodes=7))
     known = json.loads(json.dumps(FACTS, default=str))
     save_map(checkpoint_path(path), brain, {**known, **facts})
-    hardware = (None, None, None)
     with pytest.raises(MapError, match="begin anew with --restart"):
-        train_map(path, brain.settings, SCHEDULE, "here", hardware, lambda _: None)
+        train_map(path, brain.settings, SCHEDULE, "here", HARDWARE, lambda _: None)
     assert not path.exists()
 
 
@@ -366,4 +368,4 @@ def test_a_checkpoint_with_other_settings_is_another_training(tmp_path):
     save_map(checkpoint_path(path), brain, {**FACTS, "sessions": 0})
     other = replace(brain.settings, nodes=8)
     with pytest.raises(MapError, match="settings differ"):
-        train_map(path, other, SCHEDULE, "here", (None, None, None), lambda _: None)
+        train_map(path, other, SCHEDULE, "here", HARDWARE, lambda _: None)

@@ -11,6 +11,7 @@ from macor_hil.monitor.dashboard.failures import Failures, OnceEach
 from macor_hil.monitor.dashboard.guard import Guard
 from macor_hil.monitor.dashboard.page import Page
 from macor_hil.monitor.dashboard.sources import Source
+from macor_hil.monitor.dashboard.ticks import again_and_again
 
 HOST: Final = "127.0.0.1"
 
@@ -39,7 +40,7 @@ def serve(
     app.on_startup(ready)
     app.add_middleware(Guard)
     if poll is not None:
-        app.timer(_PERIOD, poll)
+        again_and_again(_PERIOD, poll)
 
     def page() -> None:
         Page(open_source(), failures)

@@ -4,12 +4,13 @@ from contextlib import AbstractContextManager
 from html import escape
 from typing import Final
 
-from nicegui import ui
+from nicegui import Client, ui
 from nicegui.events import KeyEventArguments
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts
 from macor_hil.monitor.dashboard.failures import Failures
 from macor_hil.monitor.dashboard.sources import Player, Source
+from macor_hil.monitor.dashboard.ticks import again_and_again
 
 _PERIOD: Final = 0.1
 """Seconds between two looks at what is new."""
@@ -84,8 +85,14 @@ class Page:
                 self._wire = ui.html("", sanitize=False, tag="pre").classes("wire")
                 self._wire.props("tabindex=0")
         ui.keyboard(on_key=self._key)
-        # drawn when the browser is there: what fails then is shown on a page that is served
-        ui.timer(_PERIOD, self._tick)
+        client = ui.context.client
+
+        def tick() -> None:
+            # when the browser is there: what fails then is shown on a page that is served
+            if client.has_socket_connection:
+                self._tick()
+
+        again_and_again(_PERIOD, tick, lambda: client.id in Client.instances)
 
     def _head(self) -> None:
         with ui.row().classes("full-width items-center"):

@@ -1,13 +1,13 @@
-"""Command line of the emulator."""
+"""The commands of `khepera-emulator`."""
 
 import logging
+import os
 import re
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from enum import StrEnum
 from itertools import zip_longest
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -15,12 +15,14 @@ import typer
 
 from khepera_emulator.arena import MOST_ROBOTS, Arena, arena_names, load_arena
 from khepera_emulator.choices import option_names, parse_choices
+from khepera_emulator.cli.ending import STATUS, Ending
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.faults import parse_fault, script_specs
+from khepera_emulator.faults import MAX_SCRIPT, parse_faults, script_specs
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, MODELS, Model, find_model
+from khepera_emulator.paths import check_name, check_output
 from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
@@ -32,17 +34,21 @@ from protocol.text import PrintableFormatter, printable
 from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
-_FAILED: Final = 2
-_ROBOT = re.compile(r"[A-Za-z0-9_.-]+")
+_ROBOT = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _BAUD = re.compile(r"[1-9][0-9]{1,6}")
 
-_EXAMPLES = """[bold]Examples[/bold]
+_HIGHEST_SEED: Final = 10**18 - 1
+"""As in a `khepera://` URL, which stands in every recording."""
+
+_LONGEST_PAUSE: Final = 999_999.0
+
+_EXAMPLES = f"""[bold]Examples[/bold]
 
 A robot in the corridor, its terminal under a name of its own:
 [cyan]khepera-emulator run --link runs/khepera[/cyan]
 
 Talk to it from a shell:
-[cyan]cat runs/khepera & printf 'D,5,5\\n' > runs/khepera[/cyan]
+[cyan](printf 'B\\nN\\n' >&3; head -n 2 <&3) 3<> runs/khepera[/cyan]
 
 Without drift, ten times faster, on a line that takes no time:
 [cyan]khepera-emulator run --drift none --speed 10 --baud unpaced[/cyan]
@@ -55,7 +61,19 @@ Three robots in one room, on runs/khepera-1, runs/khepera-2 and runs/khepera-3:
 
 A second robot on the same machine, in a world of its own:
 [cyan]khepera-emulator run --robot second --link runs/second --listen tcp/127.0.0.1:7449[/cyan]
+
+[bold]Exit status[/bold]
+
+{STATUS}
 """
+
+
+def _finite(number: float | None) -> float | None:
+    """Refuse what is no number: it is neither above nor below any bound."""
+    if number is not None and not isfinite(number):
+        raise typer.BadParameter("give a finite number")
+    return number
+
 
 app = typer.Typer(
     help="An emulated Khepera robot on a serial line.",
@@ -82,7 +100,7 @@ def run(
         str, typer.Option(help="Name of an arena (see `arenas`), or path of a TOML file.")
     ] = "corridor",
     model: Annotated[str, typer.Option(help=f"Robot: {' or '.join(MODELS)}.")] = KHEPERA.name,
-    seed: Annotated[int, typer.Option(min=0, help="Of all randomness.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=_HIGHEST_SEED, help="Of all randomness.")] = 0,
     drift: Annotated[
         str,
         typer.Option(
@@ -92,7 +110,10 @@ def run(
         ),
     ] = "default",
     speed: Annotated[
-        float, typer.Option(min=0.01, max=1000.0, help="Time runs so many times faster.")
+        float,
+        typer.Option(
+            min=0.01, max=1000.0, callback=_finite, help="Time runs so many times faster."
+        ),
     ] = 1.0,
     baud: Annotated[
         str,
@@ -148,6 +169,8 @@ def run(
         float | None,
         typer.Option(
             min=0.01,
+            max=_LONGEST_PAUSE,
+            callback=_finite,
             metavar="SECONDS",
             help="The robot stops by itself after so long without a request; a real one rolls on.",
         ),
@@ -192,7 +215,9 @@ def run(
     ] = None,
     camera_rate: Annotated[
         float,
-        typer.Option(min=0.1, max=100.0, help="Frames a second, while someone listens."),
+        typer.Option(
+            min=0.1, max=100.0, callback=_finite, help="Frames a second, while someone listens."
+        ),
     ] = 10.0,
     zenoh: Annotated[
         bool, typer.Option("--zenoh/--no-zenoh", help="Offer camera, ground truth and reset.")
@@ -212,6 +237,7 @@ def run(
     from khepera_emulator.side_channel import SideChannel
     from khepera_emulator.turrets import check_turrets
 
+    ending = ctx.find_object(Ending) or Ending()
     with ExitStack() as stack:
         faults = [*(fault or []), *_scripted(fault_script)]
         setup = Setup(
@@ -220,7 +246,7 @@ def run(
             drift=parse_drift(drift),
             seed=seed,
             baud=_parse_baud(baud),
-            faults=tuple(map(parse_fault, faults)),
+            faults=parse_faults(faults),
             turrets=check_turrets(turret or []),
             choices=parse_choices(firmware or []),
             dead_man=dead_man,
@@ -229,8 +255,12 @@ def run(
         if link and (tcp or rfc2217):
             raise EmulatorError("--link points to a terminal, and --tcp and --rfc2217 have none")
         names = _numbered(robot, robots)
-        links = _numbered(link.name, robots) if link else []
-        held = [stack.enter_context(Link(link.with_name(each))) for each in links] if link else []
+        links = _numbered_paths("--link", link, robots, stem=False)
+        recordings = _numbered_paths("--record", record, robots)
+        for path in recordings:
+            check_output(path)
+        ending.hold()  # what is made from here on is put away at the end
+        held = [stack.enter_context(Link(each)) for each in links]
         emulators = make_fleet(setup, robots)
         stack.callback(emulators[0].close)
         channels: list[SideChannel | None] = [None] * robots
@@ -240,14 +270,13 @@ def run(
             )
             channels[k] = stack.enter_context(channel)
         ports = []
-        for k in range(robots):
-            ports.append(open_port(tcp=tcp, rfc2217=rfc2217, expose=expose, place=k))
+        for k, claim in zip_longest(range(robots), held):
+            moved = {"moved": claim.point_to} if claim else {}
+            ports.append(open_port(tcp=tcp, rfc2217=rfc2217, expose=expose, place=k, **moved))
             stack.callback(ports[-1].close)
         logs: list[WireLog | None] = [None] * robots
-        if record:
-            for k, stem in enumerate(_numbered(record.stem, robots)):
-                path = record.with_name(stem + record.suffix)
-                logs[k] = stack.enter_context(WireLog(path, _same_robot(ctx, faults, k + 1)))
+        for k, path in enumerate(recordings):
+            logs[k] = stack.enter_context(WireLog(path, _same_robot(ctx, faults, k + 1)))
         follow_rate = baud == "auto"
         daemon = Daemon(
             emulators[0],
@@ -261,11 +290,11 @@ def run(
             daemon.add(
                 emulators[k], ports[k], follow_rate=follow_rate, channel=channels[k], log=logs[k]
             )
-        stack.enter_context(_signals_call(daemon.stop))
         for name, port, claim in zip_longest(names, ports, held):
             if claim:
                 claim.point_to(port.url)
-            typer.echo(f"{name} on {port.url}" + (f", link {claim.path}" if claim else ""))
+            _announce(f"{name} on {port.url}" + (f", link {claim.path}" if claim else ""))
+        ending.call(daemon.stop)
         daemon.run()
 
 
@@ -347,15 +376,6 @@ def replay(
         raise EmulatorError(f"{recording.damage}; only what stands before was replayed")
 
 
-def main() -> None:
-    """Entry point: an error is one sentence and exit status 2."""
-    try:
-        app(prog_name="khepera-emulator")
-    except EmulatorError as error:
-        typer.echo(f"khepera-emulator: {printable(str(error))}", err=True)
-        sys.exit(_FAILED)
-
-
 def _checked(name: str, model: Model) -> Arena:
     """An arena in which robots of a model can start."""
     arena = load_arena(name)
@@ -404,9 +424,15 @@ def _scripted(script: Path | None) -> list[str]:
     if script is None:
         return []
     try:
-        return script_specs(script.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise EmulatorError(f"cannot read the fault script {script}: {error}") from None
+        with script.open("rb") as file:
+            text = file.read(MAX_SCRIPT + 1).decode()
+    except OSError as error:
+        raise EmulatorError(f"cannot read the fault script {script}: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise EmulatorError(
+            f"cannot read the fault script {script}: byte {error.start} is not UTF-8 text"
+        ) from None
+    return script_specs(text)
 
 
 def _numbered(name: str, count: int) -> list[str]:
@@ -414,24 +440,28 @@ def _numbered(name: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name}-{k}" for k in range(1, count + 1)]
 
 
+def _numbered_paths(option: str, path: Path | None, count: int, *, stem: bool = True) -> list[Path]:
+    """Paths for so many robots, with their numbers at the end of the name or of its stem."""
+    if path is None:
+        return []
+    check_name(option, path)
+    if not stem:
+        return [path.with_name(each) for each in _numbered(path.name, count)]
+    return [path.with_name(each + path.suffix) for each in _numbered(path.stem, count)]
+
+
 def _check_robot(name: str) -> None:
     if not _ROBOT.fullmatch(name):
         raise EmulatorError(
-            f"--robot {name!r}: a name is made of letters, digits, dots, dashes and underscores"
+            f"--robot {name[:100]!r}: a name is made of letters, digits, dots, dashes and"
+            " underscores, 64 at most"
         )
 
 
-@contextmanager
-def _signals_call(stop: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the daemon instead of the process, so that all is put away."""
-    wanted = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda *_: stop()) for number in wanted]
+def _announce(line: str) -> None:
+    """Print a line; where nobody reads it, the robot lives on."""
     try:
-        yield
-    finally:
-        for number, handler in zip(wanted, before, strict=True):
-            signal.signal(number, handler)
-
-
-if __name__ == "__main__":
-    main()
+        typer.echo(printable(line))
+    except OSError:
+        # what could not be written would be tried again at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
