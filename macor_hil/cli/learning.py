@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import Progress, TaskID
 from rich.table import Table
@@ -42,6 +43,7 @@ from macor_hil.errors import MacorError, MapError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.map_file import load_map, save_map
 from macor_hil.planners import PLANNERS
+from macor_hil.possible import Possible, compare, judge
 from macor_hil.profile import load_profile
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
@@ -164,10 +166,21 @@ def trials(
     count: Annotated[int, typer.Option("--trials", min=1, help="Trials of each planner.")] = 10,
     seed: SeedOption = DEFAULT_SEED,
 ) -> None:
-    """Score planners on a map: trials of 40 commands at most, from starts near the arena's own."""
+    """Score planners on a map: trials of 40 commands at most, from starts near the arena's own.
+
+    Possible: the share of the commands that can be driven from the same start without a
+    collision, as a search over the arena's floor plan tells. Needless: collisions where none was
+    necessary.
+    """
     brain, _ = load_map(map_file)
     names = planner or list(PLANNERS)
-    table = Table("planner", "trials", "commands", "reinforcement", "collided", "touched")
+    table = Table(
+        *("planner", "commands", "reinforcement", "collided", "touched", "possible", "needless"),
+        box=box.SIMPLE_HEAD,
+        collapse_padding=True,
+        pad_edge=False,
+        title=f"{count} trials of each planner",
+    )
     with (
         hardware_of(port, "auto", 9600, "khepera", [DEFAULT_ENDPOINT]) as hardware,
         progress_bar(count * len(names)) as progress,
@@ -175,13 +188,18 @@ def trials(
         if hardware.bench is None:
             raise MacorError(f"trials need an emulated robot, which {port} is not")
         agent = Agent(brain, Driver(hardware.robot), hardware.camera)
+        possible_from = judge(hardware.bench)
+        possible: list[Possible] = []
         for number, name in enumerate(names):
             results = []
             for k in range(count):
                 results.append(_trial(agent, name, hardware, np.random.default_rng([seed, k])))
+                if k == len(possible):  # every planner has the same starts
+                    possible.append(possible_from(results[k].path[0]))
                 progress(number * count + k + 1)
-            table.add_row(name, str(count), *_summary(results))
+            table.add_row(name, *_summary(results, possible))
     Console().print(table)
+    typer.echo(_starts(possible))
 
 
 def _trial(agent: Agent, name: str, hardware: Hardware, rng: np.random.Generator) -> Trial:
@@ -191,15 +209,30 @@ def _trial(agent: Agent, name: str, hardware: Hardware, rng: np.random.Generator
     return run_trial(agent, PLANNERS[name](), hardware.bench, Reset(pose=pose), rng)
 
 
-def _summary(results: list[Trial]) -> list[str]:
+def _summary(results: list[Trial], possible: list[Possible]) -> list[str]:
     lengths = np.array([trial.length for trial in results])
     totals = np.array([trial.total for trial in results])
+    shares = compare(results, possible)
     return [
         f"{lengths.mean():.1f} ± {lengths.std():.1f}",
         f"{totals.mean():.1f} ± {totals.std():.1f}",
         str(sum(trial.collided for trial in results)),
         str(sum(trial.touched for trial in results)),
+        "-" if shares.share is None else f"{100 * shares.share:.0f} %",
+        f"{shares.needless} of {shares.free}",
     ]
+
+
+def _starts(possible: list[Possible]) -> str:
+    """Return a sentence on the starts from which not all commands are possible."""
+    hopeless = sum(each.length == 0 for each in possible)
+    short = sum(not each.everything for each in possible) - hopeless
+    if hopeless + short == 0:
+        return "From every start all commands are possible."
+    return (
+        f"From {hopeless} of {len(possible)} starts nothing is possible: they count in no share."
+        f" From {short} a collision is inevitable later on."
+    )
 
 
 @app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10[/cyan]")
