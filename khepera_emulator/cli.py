@@ -14,19 +14,23 @@ from typing import Annotated, Final
 import typer
 
 from khepera_emulator.arena import MOST_ROBOTS, arena_names, load_arena
+from khepera_emulator.arena_text import arena_text
 from khepera_emulator.choices import option_names, parse_choices
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.faults import parse_fault, script_specs
 from khepera_emulator.geometry import FloorPlan
+from khepera_emulator.layout import Difficulty, Kind
 from khepera_emulator.models import KHEPERA, MODELS, find_model
 from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.terminal import FIRST_RATE
+from khepera_emulator.variants import with_own_colours
 from khepera_emulator.wire_log import WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
+from protocol.text import printable
 from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
@@ -267,29 +271,69 @@ def run(
         daemon.run()
 
 
-@app.command()
+@app.command(epilog="[cyan]khepera-emulator arenas --generate 7 --out runs/seven.toml[/cyan]")
 def arenas(
     name: Annotated[
         str | None, typer.Argument(help="An arena's name, or path of a TOML file; all if absent.")
     ] = None,
+    generate: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            metavar="SEED",
+            help="Make one from a seed, in which 40 commands are possible without a collision.",
+        ),
+    ] = None,
+    kind: Annotated[
+        Kind | None, typer.Option(help="With --generate: what comes first.", show_default="by seed")
+    ] = None,
+    difficulty: Annotated[
+        Difficulty | None,
+        typer.Option(help="With --generate: how narrow, and how much.", show_default="by seed"),
+    ] = None,
+    own_colours: Annotated[
+        bool, typer.Option("--own-colours", help="Give every straight wall a colour of its own.")
+    ] = False,
     draw: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="PNG file to draw the named arena into.")
+        Path | None, typer.Option(metavar="FILE", help="PNG file to draw the arena into.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML file to write the arena into.")
     ] = None,
 ) -> None:
-    """List the arenas that come with the emulator, or draw one from above."""
+    """List the arenas that come with the emulator; or draw, vary or make one.
+
+    What goes into no file is printed as TOML.
+    """
+    if generate is None and (kind or difficulty):
+        raise EmulatorError("--kind and --difficulty are for an arena that --generate makes")
+    if generate is not None:
+        from khepera_emulator.generator import generate as make
+
+        if name is not None:
+            raise EmulatorError(
+                f"--generate makes an arena of its own: leave out {printable(name)}"
+            )
+        arena, text = make(generate, kind, difficulty, own_colours=own_colours)
+    elif not (draw or out or own_colours):
+        _list_arenas(arena_names() if name is None else [name])
+        return
+    elif name is None:
+        raise EmulatorError(
+            "--draw, --out and --own-colours are for one arena: name it, or give the path of its"
+            " file"
+        )
+    else:
+        arena = with_own_colours(load_arena(name)) if own_colours else load_arena(name)
+        text = arena_text(arena)
+    if out is not None:
+        _write(out, text)
     if draw is not None:
-        if name is None:
-            raise EmulatorError("--draw draws one arena: name it, or give the path of its file")
         from khepera_emulator.picture import draw_arena
 
-        draw_arena(load_arena(name), draw)
-        return
-    names = arena_names() if name is None else [name]
-    width = max(map(len, names))
-    for each in names:
-        arena = load_arena(each)
-        (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
-        typer.echo(f"{each:{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
+        draw_arena(arena, draw)
+    if not (out or draw):
+        typer.echo(text, nl=False)
 
 
 @app.command()
@@ -341,6 +385,21 @@ def main() -> None:
     except EmulatorError as error:
         typer.echo(f"khepera-emulator: {error}", err=True)
         sys.exit(_FAILED)
+
+
+def _list_arenas(names: list[str]) -> None:
+    width = max(map(len, names))
+    for each in names:
+        arena = load_arena(each)
+        (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
+        typer.echo(f"{each:{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise EmulatorError(f"cannot write {path}: {error.strerror}") from None
 
 
 def _parse_baud(text: str) -> int | None:
