@@ -5,11 +5,13 @@ from dataclasses import asdict
 from math import radians
 
 import pytest
+from emulator_process import emulator, free_endpoint
 
-from macor_hil.bench import PortBench
+from macor_hil.bench import PortBench, ZenohBench
 from macor_hil.errors import BenchError
 from macor_hil.hardware import open_hardware
 from macor_hil.possible import Possible, Shares, compare, judge, share_of
+from macor_hil.telemetry.session import open_session
 from macor_hil.trials import Trial
 from protocol.side_channel import Pose, Reset
 
@@ -94,3 +96,17 @@ def test_an_unknown_robot_is_told():
         bench.outline = lambda: strange  # type: ignore[method-assign]
         with pytest.raises(BenchError, match=r"cannot tell what is possible: no known robot"):
             judge(bench)
+
+
+def test_a_robot_in_another_process_is_judged_alike():
+    options, endpoint = ("--arena", "maze", "--seed", "4"), free_endpoint()
+    with (
+        emulator(*options, "--listen", endpoint),
+        open_session([], [endpoint]) as session,
+        open_hardware("khepera://maze?seed=4") as hardware,
+    ):
+        assert hardware.bench is not None
+        far, near = ZenohBench(session, "khepera"), hardware.bench
+        start = near.truth().pose
+        starts = [start, start.model_copy(update={"heading": 0.0})]
+        assert list(map(judge(far), starts)) == list(map(judge(near), starts))

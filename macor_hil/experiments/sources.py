@@ -17,6 +17,8 @@ _PACKAGES: Final = ("protocol", "khepera_emulator", "macor_hil")
 
 NO_PART: Final = frozenset(
     {f"khepera_emulator/{name}" for name in ("cli", "daemon", "picture", "side_channel")}
+    | {f"khepera_emulator/{name}" for name in ("generator", "layout", "passages")}
+    | {f"khepera_emulator/{name}" for name in ("arena_text", "variants")}
     | {f"khepera_emulator/ports/{name}" for name in ("link", "pty", "rfc2217", "tcp", "watch")}
     | {f"macor_hil/{name}" for name in ("cli", "demo", "interruption", "pictures", "service")}
     | {f"macor_hil/{name}" for name in ("experiments", "monitor", "telemetry")}
