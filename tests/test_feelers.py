@@ -9,7 +9,7 @@ from worlds import arena
 from khepera_emulator.arena import arena_names, load_arena
 from khepera_emulator.feelers import Feelers, Poses, solids_of
 from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.infrared import Infrared
+from khepera_emulator.infrared import Infrared, sensor_ring
 from khepera_emulator.models import KHEPERA, KHEPERA2
 from khepera_emulator.outline import outline
 from protocol.side_channel import Outline, Pose, Solid
@@ -150,3 +150,14 @@ def test_other_shapes_are_their_edges(corners):
     x, y = corners[0]
     poses = Poses(np.array([x - 0.0675, x]), np.array([y, y - 0.0375]), np.zeros(2))
     assert told.touch(poses, HERE)[:, 0].tolist() == [False, True]
+
+
+@pytest.mark.parametrize("model", [KHEPERA, KHEPERA2], ids=lambda model: model.name)
+def test_the_gap_of_a_reading_is_where_it_is_read(model):
+    infrared = Infrared(model, FloorPlan(arena()), [], np.random.default_rng(0))
+    for number, sensor in enumerate(sensor_ring(model)):
+        for count in (COLLISION, 500):
+            gap = sensor.gap_of(count)
+            assert infrared.response(number, gap) == pytest.approx(count)
+            assert infrared.response(number, gap + 1e-4) < count
+        assert sensor.gap_of(1e6) == -np.inf
