@@ -7,6 +7,7 @@ from math import radians
 import pytest
 from emulator_process import emulator, free_endpoint
 
+from khepera_emulator.oracle import PAPER_COMMANDS, Oracle
 from macor_hil.bench import PortBench, ZenohBench
 from macor_hil.errors import BenchError
 from macor_hil.hardware import open_hardware
@@ -110,3 +111,15 @@ def test_a_robot_in_another_process_is_judged_alike():
         start = near.truth().pose
         starts = [start, start.model_copy(update={"heading": 0.0})]
         assert list(map(judge(far), starts)) == list(map(judge(near), starts))
+
+
+def test_a_judge_knows_the_robots_wheels():
+    with open_hardware("khepera://maze?seed=4&drift=scale=0.1,base=0.2") as hardware:
+        bench = hardware.bench
+        assert bench is not None
+        starts = [bench.reset(Reset(random=True, seed=seed)).pose for seed in range(12)]
+        told = [judge(bench, 12)(start).length for start in starts]
+        ways, drift = PAPER_COMMANDS, bench.truth().drift
+        known, unknown = (Oracle(bench.outline(), ways, each) for each in (drift, None))
+        assert told == [known.longest_drive(start, 12).length for start in starts]
+        assert told != [unknown.longest_drive(start, 12).length for start in starts]
