@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from page import DOCS, PICTURES, table, write_part
 
 from macor_hil.arrays import Image
+from macor_hil.cameras.light import Light, brightness, fog
 from macor_hil.commands import FIRST_COMMAND
 from macor_hil.drive import Driver
 from macor_hil.hardware import open_hardware
@@ -24,23 +24,11 @@ _PICTURES = 100
 _SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3)
 _PAGE = DOCS / "light.md"
 
-Change = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
-
-
-def _gain(*channels: int) -> Change:
-    def change(image: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-        factors = np.ones(3)
-        factors[list(channels)] = share
-        return image * factors
-
-    return change
-
-
-_CHANGES: dict[str, Change] = {
-    "brightness (all channels)": _gain(0, 1, 2),
-    "white balance: blue": _gain(0),
-    "white balance: red": _gain(2),
-    "fog: black level raised": lambda image, share: image + 255 * (1 - share) / 2,
+_CHANGES: dict[str, Callable[[float], Light]] = {
+    "brightness (all channels)": brightness,
+    "white balance: blue": lambda share: Light(blue=share),
+    "white balance: red": lambda share: Light(red=share),
+    "fog: black level raised": fog,
 }
 
 
@@ -49,8 +37,8 @@ def main() -> None:
     brain, images = _trained()
     before = [_situation(brain, image) for image in images]
     kept = {
-        name: [_share(brain, images, before, change, share) for share in _SHARES]
-        for name, change in _CHANGES.items()
+        name: [_share(brain, images, before, light(share)) for share in _SHARES]
+        for name, light in _CHANGES.items()
     }
     head = ("change", *(f"{share:g}" for share in _SHARES))
     rows = [(name, *(f"{100 * value:.0f} %" for value in row)) for name, row in kept.items()]
@@ -83,14 +71,12 @@ def _situation(brain: Brain, image: Image) -> int:
     return brain.perceive(brain.look(image), FIRST_COMMAND, learn=False).node
 
 
-def _share(
-    brain: Brain, images: list[Image], before: list[int], change: Change, share: float
-) -> float:
+def _share(brain: Brain, images: list[Image], before: list[int], light: Light) -> float:
     # a sensor's noise makes pictures of the same light differ, too
     rng = np.random.default_rng(1)
     same = 0
     for image, node in zip(images, before, strict=True):
-        changed = change(image.astype(float), share) + rng.normal(0.0, 2.0, image.shape)
+        changed = light.on(image.astype(np.float64)) + rng.normal(0.0, 2.0, image.shape)
         same += _situation(brain, np.clip(changed, 0, 255).astype(np.uint8)) == node
     return same / len(images)
 

@@ -34,7 +34,7 @@ _TABLE_STEP = 0.001
 _ROUNDING = 1e-9
 """Metres by which a gap may exceed the last one of the record and still be it."""
 
-_BLACK_LOSS = 0.5
+BLACK_LOSS = 0.5
 """Part of a ray's reach that a black surface takes away (KiKS)."""
 
 _NOISE_SPAN, _NOISE_DEPTH = 13.5, 6.5
@@ -52,7 +52,7 @@ _LAMP_COUNTS = (50.0, 75.0, 100.0, 250.0, 375.0, 400.0, 425.0, 450.0, 500.0)
 """Reading before a 50 W lamp (Khepera II manual 3.1.7, as digitised by RoadNarrows)."""
 
 
-class _Sensor(NamedTuple):
+class Sensor(NamedTuple):
     """Where a sensor sits and looks, seen from its robot.
 
     Attributes:
@@ -65,6 +65,16 @@ class _Sensor(NamedTuple):
     foot: tuple[float, float]
     rays: tuple[tuple[float, float, float], ...]
     curve: tuple[float, ...]
+
+    def gap_of(self, count: float) -> float:
+        """Return the greatest effective gap at which the curve reaches a count; -inf if nowhere."""
+        for index in range(len(self.curve) - 1, -1, -1):
+            high = self.curve[index]
+            if high >= count:
+                low = self.curve[index + 1] if index + 1 < len(self.curve) else high
+                part = (high - count) / (high - low) if high > low else 0.0
+                return (index + part) * _TABLE_STEP
+        return -inf
 
 
 _Wall = tuple[float, float, float, Solid]
@@ -82,7 +92,7 @@ class Infrared:
         self._lamps = lamps
         self._ambient_rng, scans = rng.spawn(2)
         self._noise = _noise_sequence(scans)
-        self._sensors = _sensors(model)
+        self._sensors = sensor_ring(model)
         self._reach = model.proximity.gaps[-1] + _ROUNDING
         # the body's middle is no further than this from what a sensor can see
         self._sight = model.radius + self._reach - min(each.rays[0][2] for each in self._sensors)
@@ -149,7 +159,7 @@ class Infrared:
         return tuple([self._gap(sensor, walls, x, y, c, s) for sensor in self._sensors])
 
     def _gap(
-        self, sensor: _Sensor, walls: list[_Wall], x: float, y: float, c: float, s: float
+        self, sensor: Sensor, walls: list[_Wall], x: float, y: float, c: float, s: float
     ) -> float:
         """Effective gap of one sensor; `c` and `s` are cosine and sine of the robot's heading."""
         (foot_ahead, foot_left), rays, _ = sensor
@@ -173,7 +183,7 @@ class Infrared:
                     if way < distance:
                         distance, shade = way, solid.grey
             if shade != _NOTHING:
-                dim = (_BLACK_LOSS - _BLACK_LOSS * shade) * max(reach - distance, 0.0)
+                dim = (BLACK_LOSS - BLACK_LOSS * shade) * max(reach - distance, 0.0)
                 best = min(best, distance + dim + penalty)
         return best if best < reach else inf
 
@@ -215,7 +225,8 @@ def _noise_sequence(
         yield from zip(normal.tolist(), uniform.tolist(), strict=True)
 
 
-def _sensors(model: Model) -> tuple[_Sensor, ...]:
+def sensor_ring(model: Model) -> tuple[Sensor, ...]:
+    """Return where the eight sensors of a model sit, where they look, and how they respond."""
     sensors = []
     fan = sorted(zip(_PENALTY.tolist(), _RAY_ANGLES.tolist(), strict=True))
     curves = _tabulate(model.proximity).tolist()
@@ -228,7 +239,7 @@ def _sensors(model: Model) -> tuple[_Sensor, ...]:
             (cos(direction + angle), sin(direction + angle), penalty - behind)
             for penalty, angle in fan
         ]
-        sensors.append(_Sensor(foot, tuple(rays), tuple(curves[number])))
+        sensors.append(Sensor(foot, tuple(rays), tuple(curves[number])))
     return tuple(sensors)
 
 

@@ -96,6 +96,8 @@ def test_trials_score_both_planners(trained: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "anticipative" in done.stdout
     assert "reactive" in done.stdout
+    assert re.search(r"reactive +8\.0 ± 0\.0 .* 2 +0 +1[78] % +2 of 2", done.stdout)
+    assert done.stdout.endswith("From every start all commands are possible.\n")
     again = macor_hil("trials", "--map", str(trained), "--trials", "2", folder=trained.parent)
     assert again.stdout == done.stdout
 

@@ -14,6 +14,7 @@ from typing import Annotated, Final
 import typer
 
 from khepera_emulator.arena import MOST_ROBOTS, Arena, arena_names, load_arena
+from khepera_emulator.arena_text import arena_text
 from khepera_emulator.choices import option_names, parse_choices
 from khepera_emulator.cli.ending import STATUS, Ending
 from khepera_emulator.clock import Clock
@@ -21,6 +22,7 @@ from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.faults import MAX_SCRIPT, parse_faults, script_specs
 from khepera_emulator.geometry import FloorPlan
+from khepera_emulator.layout import Difficulty, Kind
 from khepera_emulator.models import KHEPERA, MODELS, Model, find_model
 from khepera_emulator.paths import check_name, check_output
 from khepera_emulator.physics import load_physics
@@ -28,6 +30,7 @@ from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.terminal import FIRST_RATE
 from khepera_emulator.starts import check_starts
+from khepera_emulator.variants import with_own_colours
 from khepera_emulator.wire_log import ROBOT, Recording, WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
 from protocol.text import PrintableFormatter, printable
@@ -298,37 +301,80 @@ def run(
         daemon.run()
 
 
-@app.command()
+@app.command(epilog="[cyan]khepera-emulator arenas --generate 7 --out runs/seven.toml[/cyan]")
 def arenas(
     name: Annotated[
         str | None, typer.Argument(help="An arena's name, or path of a TOML file; all if absent.")
     ] = None,
+    generate: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            metavar="SEED",
+            help="Make one from a seed, in which 40 commands are possible without a collision.",
+        ),
+    ] = None,
+    kind: Annotated[
+        Kind | None, typer.Option(help="With --generate: what comes first.", show_default="by seed")
+    ] = None,
+    difficulty: Annotated[
+        Difficulty | None,
+        typer.Option(help="With --generate: how narrow, and how much.", show_default="by seed"),
+    ] = None,
+    own_colours: Annotated[
+        bool, typer.Option("--own-colours", help="Give every straight wall a colour of its own.")
+    ] = False,
     draw: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Picture to draw the named arena into: .png, .jpg, .svg or .pdf.",
+            help="Picture to draw the arena into: .png, .jpg, .svg or .pdf.",
         ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML file to write the arena into.")
     ] = None,
     model: Annotated[
         str, typer.Option(help=f"Robot that must fit: {' or '.join(MODELS)}.")
     ] = KHEPERA.name,
 ) -> None:
-    """List the arenas that come with the emulator; check one as `run` does, draw it from above."""
+    """List the arenas that come with the emulator; or check, draw, vary or make one.
+
+    A named arena is checked as `run` checks it. What goes into no file is printed as TOML.
+    """
     robot = find_model(model)
+    if out is not None:
+        check_output(out, (".toml",))
+    if generate is None and (kind or difficulty):
+        raise EmulatorError("--kind and --difficulty are for an arena that --generate makes")
+    if generate is not None:
+        from khepera_emulator.generator import generate as make
+
+        if name is not None:
+            raise EmulatorError(
+                f"--generate makes an arena of its own: leave out {printable(name)}"
+            )
+        arena, text = make(generate, kind, difficulty, own_colours=own_colours)
+    elif not (draw or out or own_colours):
+        _list_arenas(arena_names() if name is None else [name], robot)
+        return
+    elif name is None:
+        raise EmulatorError(
+            "--draw, --out and --own-colours are for one arena: name it, or give the path of its"
+            " file"
+        )
+    else:
+        arena = _checked(name, robot)
+        arena = with_own_colours(arena) if own_colours else arena
+        text = arena_text(arena)
+    if out is not None:
+        _write(out, text)
     if draw is not None:
-        if name is None:
-            raise EmulatorError("--draw draws one arena: name it, or give the path of its file")
         from khepera_emulator.picture import draw_arena
 
-        draw_arena(_checked(name, robot), draw, robot)
-        return
-    names = arena_names() if name is None else [name]
-    width = max(map(len, names))
-    for each in names:
-        arena = _checked(each, robot)
-        (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
-        typer.echo(f"{printable(each):{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
+        draw_arena(arena, draw, robot)
+    if not (out or draw):
+        typer.echo(text, nl=False)
 
 
 @app.command()
@@ -394,6 +440,21 @@ def _recorded_robot(file: Path, recording: Recording) -> str:
             f" ({ROBOT}...); give --port to replay it on a port of your own"
         )
     return recording.url
+
+
+def _list_arenas(names: list[str], model: Model) -> None:
+    width = max(map(len, names))
+    for each in names:
+        arena = _checked(each, model)
+        (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
+        typer.echo(f"{printable(each):{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise EmulatorError(f"cannot write {path}: {error.strerror}") from None
 
 
 def _parse_baud(text: str) -> int | None:

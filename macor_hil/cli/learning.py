@@ -9,6 +9,7 @@ from typing import Annotated, Final
 
 import numpy as np
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import Progress, TaskID
 from rich.table import Table
@@ -50,6 +51,7 @@ from macor_hil.interruption import signals_taken_over
 from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner, memory_for
 from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.settings import MOST_NODES, MindSettings, Part
+from macor_hil.possible import Possible, compare, judge
 from macor_hil.profile import RobotProfile, load_profile
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
@@ -208,7 +210,9 @@ def trials(
 ) -> None:
     """Score planners on a map: trials of 40 commands at most, from starts near the arena's own.
 
-    Ctrl-C shows the trials driven so far.
+    Possible: the share of the commands that can be driven from the same start without a
+    collision, as a search over the arena's floor plan tells. Needless: collisions where none was
+    necessary. Ctrl-C shows the trials driven so far.
     """
     brain, _ = load_map(map_file)
     known = {name: make_planner(name) for name in planner or PLANNERS.names()}
@@ -216,6 +220,7 @@ def trials(
         memory_for(brain, one)
     names = [name for name, one in known.items() if one.memory in brain.memories]
     results: dict[str, list[Trial]] = {}
+    possible: list[Possible] = []
 
     def driven() -> str:
         done, of = sum(map(len, results.values())), count * len(names)
@@ -230,15 +235,18 @@ def trials(
         ):
             if hardware.bench is None:
                 raise MacorError(f"trials need an emulated robot, which {port} is not")
+            possible_from = judge(hardware.bench)
             driver = Driver(hardware.robot, DriveSettings(speed=speed), interruption.check)
             agent = Agent(brain, driver, hardware.camera)
             for number, name in enumerate(names):
                 of_planner = results.setdefault(name, [])
                 for k in range(count):
                     of_planner.append(_trial(agent, name, hardware.bench, [seed, k]))
+                    if k == len(possible):  # every planner has the same starts
+                        possible.append(possible_from(of_planner[k].path[0]))
                     progress(number * count + k + 1)
     finally:
-        _show(results)
+        _show(results, possible)
 
 
 def _trial(agent: Agent, name: str, bench: Bench, seed: list[int]) -> Trial:
@@ -248,25 +256,47 @@ def _trial(agent: Agent, name: str, bench: Bench, seed: list[int]) -> Trial:
     return run_trial(agent, make_planner(name), bench, Reset(pose=pose), rng)
 
 
-def _show(results: dict[str, list[Trial]]) -> None:
-    """Print a table of all trials that were driven."""
-    table = Table("planner", "trials", "commands", "reinforcement", "collided", "touched")
+def _show(results: dict[str, list[Trial]], possible: list[Possible]) -> None:
+    """Print a table of all trials that were driven, and what was possible."""
+    table = Table(
+        *("planner", "commands", "reinforcement", "collided", "touched", "possible", "needless"),
+        box=box.SIMPLE_HEAD,
+        collapse_padding=True,
+        pad_edge=False,
+        title=f"{max(map(len, results.values()), default=0)} trials of each planner",
+    )
     for name, trials in results.items():
         if trials:
-            table.add_row(name, str(len(trials)), *_summary(trials))
+            table.add_row(name, *_summary(trials, possible[: len(trials)]))
     if table.rows:
         Console().print(table)
+        typer.echo(_starts(possible))
 
 
-def _summary(results: list[Trial]) -> list[str]:
+def _summary(results: list[Trial], possible: list[Possible]) -> list[str]:
     lengths = np.array([trial.length for trial in results])
     totals = np.array([trial.total for trial in results])
+    shares = compare(results, possible)
     return [
         f"{lengths.mean():.1f} ± {lengths.std():.1f}",
         f"{totals.mean():.1f} ± {totals.std():.1f}",
         str(sum(trial.collided for trial in results)),
         str(sum(trial.touched for trial in results)),
+        "-" if shares.share is None else f"{100 * shares.share:.0f} %",
+        f"{shares.needless} of {shares.free}",
     ]
+
+
+def _starts(possible: list[Possible]) -> str:
+    """Return a sentence on the starts from which not all commands are possible."""
+    hopeless = sum(each.length == 0 for each in possible)
+    short = sum(not each.everything for each in possible) - hopeless
+    if hopeless + short == 0:
+        return "From every start all commands are possible."
+    return (
+        f"From {hopeless} of {len(possible)} starts nothing is possible: they count in no share."
+        f" From {short} a collision is inevitable later on."
+    )
 
 
 @app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10[/cyan]")
