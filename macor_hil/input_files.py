@@ -22,6 +22,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import to_json
 
 from protocol.text import printable
+from protocol.validation import first_fault
 
 T = TypeVar("T")
 
@@ -114,19 +115,7 @@ def checked(adapter: TypeAdapter[T], data: Any) -> T:
     try:
         return adapter.validate_json(text, strict=True, extra="forbid")
     except ValidationError as error:
-        raise InputError(_first_fault(error)) from None
-
-
-def _first_fault(error: ValidationError) -> str:
-    first = error.errors(include_url=False, include_context=False)[0]
-    place, what = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
-    if what.startswith("Input "):
-        what = what.removeprefix("Input ")
-        given = first["input"]
-        if isinstance(given, str | int | float | None):
-            what += f", not {given!r:.40}"
-        return printable(f"{place} {what}", 300)
-    return printable(f"{place}: {what}", 300)
+        raise InputError(first_fault(error)) from None
 
 
 def _check_members(members: Sequence[zipfile.ZipInfo], most: int) -> None:

@@ -30,7 +30,8 @@ from macor_hil.telemetry.publisher import Publisher, WatchedCamera
 from macor_hil.telemetry.schemas import Decision, Odometry, Phase, State
 from macor_hil.telemetry.steady_clock import SteadyClock
 from macor_hil.trials import drive
-from protocol.side_channel import MOST_TEXT, first_fault
+from protocol.side_channel import MOST_TEXT
+from protocol.validation import first_fault
 
 _log = logging.getLogger(__name__)
 

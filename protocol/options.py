@@ -27,6 +27,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from protocol.text import MAX_DOCUMENT, DocumentError, parse_toml, printable
+from protocol.validation import problems
 
 
 class OptionError(ValueError):
@@ -156,18 +157,6 @@ def _made(model: type[BaseModel], values: dict[str, Any]) -> BaseModel:
         return model.model_validate(own)
     except ValidationError as error:
         raise OptionError(problems(error)) from None
-
-
-def problems(error: ValidationError) -> str:
-    """Tell what is wrong with each value, in one line."""
-    said = []
-    for item in error.errors(include_url=False, include_context=False):
-        where = ".".join(str(part).replace("_", "-") for part in item["loc"])
-        what = item["msg"].removeprefix("Value error, ")
-        what = what if item["type"] == "value_error" else f"{what[0].lower()}{what[1:]}"
-        given = f" (given: {printable(repr(item['input']), 80)})" if where else ""
-        said.append(printable(f"{where}: {what}" if where else what, 400) + given)
-    return "; ".join(said)
 
 
 def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:

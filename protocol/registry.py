@@ -41,19 +41,19 @@ class Registry:
         """List all names: built-in parts first, then those of other distributions."""
         return (*self.builtin, *sorted(set(self._installed()) - set(self.builtin)))
 
-    def find(self, name: str) -> Any:
-        """Load a part: a class, or whatever else the name leads to.
+    def where(self, name: str) -> str:
+        """Return where a part is, as `module:Class` or `file.py:Class`; nothing is imported.
 
         Raises:
-            RegistryError: there is no such part, or its module cannot be imported.
+            RegistryError: there is no such part.
         """
         if name in self.builtin:
-            return self._object(self.builtin[name], name)
+            return self.builtin[name]
         if ":" in name:
-            return self._object(name, name)
+            return name
         installed = self._installed()
         if name in installed:
-            return self._object(installed[name].value, name)
+            return installed[name].value
         close = get_close_matches(name, self.names(), 1)
         hint = f"did you mean {close[0]}? " if close else ""
         raise RegistryError(
@@ -61,11 +61,13 @@ class Registry:
             f" {', '.join(self.names())}; or name a class as module:Class or file.py:Class"
         )
 
-    def _installed(self) -> dict[str, EntryPoint]:
-        return {point.name: point for point in entry_points(group=self.group)}
+    def find(self, name: str) -> Any:
+        """Load a part: a class, or whatever else the name leads to.
 
-    def _object(self, path: str, name: str) -> Any:
-        module_name, _, attribute = path.rpartition(":")
+        Raises:
+            RegistryError: there is no such part, or its module cannot be imported.
+        """
+        module_name, _, attribute = self.where(name).rpartition(":")
         try:
             if module_name.endswith(".py"):
                 found: Any = _module_of_file(Path(module_name))
@@ -77,6 +79,9 @@ class Registry:
             what, why = printable(name, 200), printable(str(error), 300)
             raise RegistryError(f"cannot load the {self.kind} {what!r}: {why}") from error
         return found
+
+    def _installed(self) -> dict[str, EntryPoint]:
+        return {point.name: point for point in entry_points(group=self.group)}
 
 
 def _module_of_file(path: Path) -> ModuleType:

@@ -22,7 +22,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from protocol.text import printable
+from protocol.validation import first_fault
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 """Where the emulator listens for Zenoh peers: on this machine only."""
@@ -123,14 +123,6 @@ class Payload(BaseModel):
             return cls.model_validate_json(data)
         except ValidationError as error:
             raise PayloadError(first_fault(error)) from None
-
-
-def first_fault(error: ValidationError) -> str:
-    """Return the first thing that is wrong with a payload: the place and the reason."""
-    fault = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    place = printable(".".join(map(str, fault["loc"])), 100)
-    reason = printable(fault["msg"], 200)
-    return f"{place}: {reason}" if place else reason
 
 
 class Stamp(Payload):

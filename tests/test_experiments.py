@@ -35,7 +35,7 @@ from macor_hil.experiments.sources import bare_code, code_of, digest
 from macor_hil.experiments.systems import Course, relearn
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
 from macor_hil.hardware import open_hardware
-from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.catalogue import build_brain, whereabouts
 from macor_hil.mind.clusterers.neural_gas import Breadth
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.mind.settings import MindSettings
@@ -312,7 +312,7 @@ def test_all_code_counts_that_an_experiment_loads_but_its_report(name: str) -> N
     (experiment,) = (each for each in EXPERIMENTS if each.name == name)
     loaded = loaded_by(f"import {experiment.trial.__module__}")
     assert "macor_hil.training" in loaded
-    counted = set(code_of(experiment.trial))
+    counted = set(code_of(experiment.trial, whereabouts(experiment.settings.drive.brain)))
     assert loaded - counted <= REPORTS | {"macor_hil.experiments.table1"}
     assert not counted & REPORTS
 
@@ -339,13 +339,13 @@ def longer(name: str) -> Callable[[str], str]:
     [
         ("khepera_emulator/motors.py", extended, True, True),
         ("khepera_emulator/ports/protocol_khepera.py", extended, True, True),
-        ("macor_hil/brain.py", extended, True, True),
+        ("macor_hil/mind/brain.py", extended, True, True),
         ("macor_hil/training.py", extended, True, True),
         ("macor_hil/experiments/recording.py", longer("record"), True, True),
         ("macor_hil/experiments/systems.py", extended, False, True),
         ("macor_hil/experiments/learning.py", longer("learn_all"), False, True),
-        ("macor_hil/planners/expected.py", extended, False, True),
-        ("macor_hil/clustering/clusterer.py", extended, False, True),
+        ("macor_hil/mind/planners/expected.py", extended, False, True),
+        ("macor_hil/mind/memories/q_map.py", extended, False, True),
         ("macor_hil/experiments/table1.py", longer("trial"), False, True),
         ("macor_hil/experiments/table1.py", longer("draw_table"), False, False),
         ("macor_hil/experiments/table1.py", longer("tell_figure"), False, False),
@@ -354,7 +354,7 @@ def longer(name: str) -> Callable[[str], str]:
         ("macor_hil/experiments/statistics.py", extended, False, False),
         ("macor_hil/experiments/report.py", extended, False, False),
         ("macor_hil/experiments/figure2.py", longer("trial"), False, False),
-        ("macor_hil/clustering/neural_gas.py", extended, False, False),
+        ("macor_hil/mind/clusterers/neural_gas.py", extended, False, False),
         ("macor_hil/pictures.py", extended, False, False),
         ("macor_hil/ros2/bridge.py", extended, False, False),
         ("macor_hil/telemetry/publisher.py", extended, False, False),
@@ -362,7 +362,7 @@ def longer(name: str) -> Callable[[str], str]:
         ("macor_hil/cli/learning.py", extended, False, False),
         ("khepera_emulator/cli/commands.py", extended, False, False),
         ("khepera_emulator/ports/tcp.py", extended, False, False),
-        ("macor_hil/brain.py", "# a comment\n{}".format, False, False),
+        ("macor_hil/mind/brain.py", "# a comment\n{}".format, False, False),
     ],
 )
 def test_edits_lead_to_new_drives_and_results_where_they_decide_something(
@@ -374,7 +374,9 @@ def test_edits_lead_to_new_drives_and_results_where_they_decide_something(
     results: bool,
 ) -> None:
     def keys() -> tuple[str, str]:
-        return digest(record, ["corridor"]), digest(TABLE1.trial, ["corridor"])
+        settings = TABLE1.settings
+        uses = whereabouts(settings.drive.brain)
+        return digest(record, ["corridor"], uses), digest(TABLE1.trial, ["corridor"], uses)
 
     before = keys()
     source = Path(sources.__file__).parents[2]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from macor_hil.mind.clusterers.clusterer import Clusterer, clusterer_errors, situations
+from macor_hil.mind.clusterers.clusterer import Clusterer
+from macor_hil.mind.clusterers.clusterer_error import clusterer_errors, situations
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.clusterers.neural_gas import Annealing, Breadth, NeuralGas, search, trained
 

@@ -117,9 +117,9 @@ def test_values_as_text_and_back() -> None:
     ("pair", "says"),
     [
         ([("sed", "1")], "unknown option 'sed'; did you mean seed?"),
-        ([("seed", "-1")], "seed: input should be greater than or equal to 0"),
+        ([("seed", "-1")], "seed should be greater than or equal to 0, not '-1'"),
         ([("seed", "9" * 5000)], "seed: "),
-        ([("speed", "nan")], "speed: input should be a finite number"),
+        ([("speed", "nan")], "speed should be a finite number, not 'nan'"),
         ([("name", "a b")], r"name: 'a b' is not made of letters and digits"),
         ([("seed", "1"), ("seed", "2")], "seed is given twice"),
     ],

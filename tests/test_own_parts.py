@@ -78,9 +78,9 @@ def test_the_command_line_lists_them_and_drives_by_them(installed: Path, tmp_pat
 def test_a_setting_that_is_out_of_range_is_named() -> None:
     from macor_hil.errors import MacorError
 
-    with pytest.raises(MacorError, match=r"settings of FuzzyArt: vigilance: input should be less"):
+    with pytest.raises(MacorError, match=r"settings of FuzzyArt: vigilance should be less"):
         build_brain(MindSettings(clusterer=Part("fuzzy-art", {"vigilance": 2})))
-    with pytest.raises(MacorError, match="settings of Anticipative: steps: extra"):
+    with pytest.raises(MacorError, match="settings of Anticipative: steps: Extra"):
         make_planner("anticipative", steps=3)
 
 

@@ -17,7 +17,8 @@ from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.recording import SECTION_31, Drive, Recordings
 from macor_hil.experiments.results import Result, Results
 from macor_hil.experiments.statistics import estimate, order
-from macor_hil.mind.clusterers.clusterer import Clusterer, clusterer_errors, situations
+from macor_hil.mind.clusterers.clusterer import Clusterer
+from macor_hil.mind.clusterers.clusterer_error import clusterer_errors, situations
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.clusterers.neural_gas import Annealing, Breadth, NeuralGas, search
 

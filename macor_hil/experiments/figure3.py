@@ -28,7 +28,8 @@ from macor_hil.experiments.systems import (
     trial_from_json,
 )
 from macor_hil.mind.brain import Brain
-from macor_hil.mind.clusterers.clusterer import Clusterer, clusterer_errors, situations
+from macor_hil.mind.clusterers.clusterer import Clusterer
+from macor_hil.mind.clusterers.clusterer_error import clusterer_errors, situations
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.clusterers.neural_gas import Annealing, Breadth, NeuralGas, search, trained
 from macor_hil.mind.memories.transitions import Competence, SensorimotorMap

@@ -1,5 +1,6 @@
 """The systems of table 1 and those beyond the paper, all learned from one recording."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -7,12 +8,17 @@ from macor_hil.commands import COMMANDS
 from macor_hil.experiments.recording import Recording
 from macor_hil.experiments.systems import System, relearn
 from macor_hil.mind.brain import Brain
-from macor_hil.mind.catalogue import make_planner
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.memories.graded import GradedMemory, GradedSituations
 from macor_hil.mind.memories.memory import Memory
 from macor_hil.mind.memories.q_map import QMap
 from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
+from macor_hil.mind.planners.anticipative import Anticipative
+from macor_hil.mind.planners.expected import Expected
+from macor_hil.mind.planners.graded import Graded
+from macor_hil.mind.planners.planner import Planner
+from macor_hil.mind.planners.q_learning import QLearning, WeakQLearning
+from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.reinforcement import Reinforcement
 
 REACTIVE: Final = "reactive"
@@ -22,7 +28,15 @@ WEAK: Final = "weak-q-learning"
 EXPECTED: Final = "expected"
 GRADED: Final = "graded"
 
-SYSTEMS: Final = (REACTIVE, ANTICIPATIVE, Q, WEAK, EXPECTED, GRADED)
+_PLANNERS: Final[Mapping[str, Callable[[], Planner]]] = {
+    REACTIVE: Reactive,
+    ANTICIPATIVE: Anticipative,
+    Q: QLearning,
+    WEAK: WeakQLearning,
+    EXPECTED: Expected,
+    GRADED: Graded,
+}
+SYSTEMS: Final = tuple(_PLANNERS)
 
 
 @dataclass(frozen=True)
@@ -60,7 +74,7 @@ def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:
     art = FuzzyArt(eyes.size, learning.nodes, learning.vigilance, learning.alpha)
     brain = Brain(eyes, art, memories, learning.reinforcement)
     relearn(brain, recording)
-    return {name: System(brain, make_planner(name)) for name in SYSTEMS}
+    return {name: System(brain, make()) for name, make in _PLANNERS.items()}
 
 
 def situations_of(recording: Recording) -> GradedSituations:

@@ -26,10 +26,10 @@ from macor_hil.experiments.sources import digest
 from macor_hil.hardware import open_hardware
 from macor_hil.input_files import MIB, InputError, checked, read_arrays, read_bounded
 from macor_hil.mind.brain import Brain
-from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.catalogue import build_brain, whereabouts
 from macor_hil.mind.map_file import load_map, save_map, write_atomically
 from macor_hil.mind.reinforcement import Reinforcement
-from macor_hil.mind.settings import MindSettings
+from macor_hil.mind.settings import MindSettings, Part
 from macor_hil.training import Schedule, Trainer
 
 _log = logging.getLogger(__name__)
@@ -43,6 +43,11 @@ PUT_DOWN: Final = -1
 
 _KEPT_EVERY: Final = 4
 """Sessions after which what was driven is kept, so that an interrupted drive goes on from there."""
+
+
+def _eyes_and_reactive() -> MindSettings:
+    memories = ("transitions", "graded")
+    return MindSettings(memories={name: Part(name) for name in memories})
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,8 @@ class Drive:
     """Randomly selected commands."""
     reactive: int = 0
     """Reactively selected commands after them."""
-    brain: MindSettings = field(default_factory=MindSettings)
-    """Eyes, and the Fuzzy ART that selects reactively."""
+    brain: MindSettings = field(default_factory=_eyes_and_reactive)
+    """Eyes, and what selects reactively; other systems learn from the recording."""
 
     def port(self, seed: int) -> str:
         """Port of the robot of a seed."""
@@ -262,7 +267,7 @@ class Recordings:
     def __init__(self, folder: Path, drive: Drive) -> None:
         self.drive = drive
         self.beginnings = None if drive.beginning is None else Recordings(folder, drive.beginning)
-        self.key = key_of(drive, digest(record, [drive.arena]))
+        self.key = key_of(drive, digest(record, [drive.arena], whereabouts(drive.brain)))
         self.folder = folder / self.key
 
     def has(self, seed: int) -> bool:

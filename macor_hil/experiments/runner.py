@@ -22,6 +22,7 @@ from macor_hil.experiments.results import (
     read_lines,
 )
 from macor_hil.experiments.sources import digest
+from macor_hil.mind.catalogue import whereabouts
 
 Watch = Callable[[str, int, int], None]
 """Hears what is being done, how many seeds of it are done, and of how many."""
@@ -82,7 +83,8 @@ def _sweep(
     """Results of an experiment; those that are missing are made now."""
     settings = experiment.settings
     recordings = Recordings(out / "recordings", settings.drive)
-    code = digest(experiment.trial, {settings.drive.arena, *settings.arenas})
+    uses = whereabouts(settings.drive.brain)
+    code = digest(experiment.trial, {settings.drive.arena, *settings.arenas}, uses)
     file = ResultsFile(out / "results", experiment.kept_as, settings, code)
     results = file.read()
     missing = [seed for seed in seeds if seed not in results]

@@ -26,26 +26,35 @@ _BY_SCHEME: Final = "khepera_emulator.ports.protocol_khepera"
 Body = list[ast.stmt]
 
 
-def digest(function: Callable[..., Any], arenas: Iterable[str]) -> str:
+_DOORS: Final = ("macor_hil.mind.catalogue",)
+"""Tables of parts: what they lead to counts where it is used, and is given by `uses`."""
+
+
+def digest(function: Callable[..., Any], arenas: Iterable[str], uses: Iterable[str] = ()) -> str:
     """Return a digest of all that a function may run and of arenas, 12 hexadecimal digits.
 
     Args:
         function: one at the top level of its module.
         arenas: names of arenas that come with the emulator, or files.
+        uses: parts that it finds by name, as `module:Class` or `file.py:Class`.
 
     Raises:
         MacorError: a package is not installed, or there is no such arena.
     """
     total = sha256()
-    for module, code in sorted(code_of(function).items()):
+    for module, code in sorted(code_of(function, uses).items()):
         total.update(f"{module}\n{code}\n".encode())
     for arena in sorted(arenas):
         total.update(_arena(arena))
     return total.hexdigest()[:12]
 
 
-def code_of(function: Callable[..., Any]) -> dict[str, str]:
+def code_of(function: Callable[..., Any], uses: Iterable[str] = ()) -> dict[str, str]:
     """Return all that a function may run: bare code by the names of modules.
+
+    Args:
+        function: see `digest`.
+        uses: see `digest`.
 
     Raises:
         MacorError: a package is not installed.
@@ -54,6 +63,12 @@ def code_of(function: Callable[..., Any]) -> dict[str, str]:
     body = _reached(_statements(_text(own)), function.__name__)
     found = {own: _dump(body)}
     todo = [*_imported(own, body), *_with_parents(_BY_SCHEME)]
+    for place in uses:
+        module = place.rpartition(":")[0]
+        if module.partition(".")[0] in _PACKAGES:
+            todo += _with_parents(module)
+        else:
+            found[module] = bare_code(_foreign_text(module))
     while todo:
         module = todo.pop()
         if module not in found:
@@ -89,6 +104,16 @@ def _statements(text: str) -> Body:
     return tree.body
 
 
+def _foreign_text(module: str) -> str:
+    """Return the text of a part's file or module that is not of this project."""
+    spec = None if module.endswith(".py") else find_spec(module)
+    path = Path(spec.origin) if spec and spec.origin else Path(module).expanduser()
+    try:
+        return read_bounded(path, MIB).decode()
+    except (OSError, InputError, UnicodeDecodeError):
+        raise MacorError(f"cannot read the code of {module}") from None
+
+
 def _text(module: str) -> str:
     path = _path(module)
     assert path is not None
@@ -112,7 +137,7 @@ def _imported(module: str, body: Body) -> Iterator[str]:
                     source = resolve_name("." * level + (source or ""), package)
                     for name in names:
                         yield from _with_parents(f"{source}.{name.name}")
-                case ast.Constant(value=str(text)):
+                case ast.Constant(value=str(text)) if module not in _DOORS:
                     yield from _with_parents(text.partition(":")[0])
 
 

@@ -1,6 +1,6 @@
 """Planners, memories, clusterers and eyes by name, and brains built from them."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Any, Final
 
 from macor_hil.commands import COMMANDS
@@ -12,41 +12,39 @@ from macor_hil.mind.settings import MindSettings, Part, make_part
 from protocol.registry import Registry, RegistryError
 from protocol.text import printable
 
-_HERE: Final = "macor_hil.mind"
-
 PLANNERS: Final = Registry(
     "planner",
     "khepera_macor.planners",
     {
-        "anticipative": f"{_HERE}.planners.anticipative:Anticipative",
-        "reactive": f"{_HERE}.planners.reactive:Reactive",
-        "q-learning": f"{_HERE}.planners.q_learning:QLearning",
-        "weak-q-learning": f"{_HERE}.planners.q_learning:WeakQLearning",
-        "expected": f"{_HERE}.planners.expected:Expected",
-        "graded": f"{_HERE}.planners.graded:Graded",
+        "anticipative": "macor_hil.mind.planners.anticipative:Anticipative",
+        "reactive": "macor_hil.mind.planners.reactive:Reactive",
+        "q-learning": "macor_hil.mind.planners.q_learning:QLearning",
+        "weak-q-learning": "macor_hil.mind.planners.q_learning:WeakQLearning",
+        "expected": "macor_hil.mind.planners.expected:Expected",
+        "graded": "macor_hil.mind.planners.graded:Graded",
     },
 )
 MEMORIES: Final = Registry(
     "memory",
     "khepera_macor.memories",
     {
-        "transitions": f"{_HERE}.memories.transitions:SensorimotorMap",
-        "q-learning": f"{_HERE}.memories.q_map:QMap",
-        "graded": f"{_HERE}.memories.graded:GradedMemory",
+        "transitions": "macor_hil.mind.memories.transitions:SensorimotorMap",
+        "q-learning": "macor_hil.mind.memories.q_map:QMap",
+        "graded": "macor_hil.mind.memories.graded:GradedMemory",
     },
 )
 CLUSTERERS: Final = Registry(
     "clusterer",
     "khepera_macor.clusterers",
     {
-        "fuzzy-art": f"{_HERE}.clusterers.fuzzy_art:FuzzyArt",
-        "neural-gas": f"{_HERE}.clusterers.neural_gas:NeuralGas",
+        "fuzzy-art": "macor_hil.mind.clusterers.fuzzy_art:FuzzyArt",
+        "neural-gas": "macor_hil.mind.clusterers.neural_gas:NeuralGas",
     },
 )
 EYES: Final = Registry(
     "kind of eyes",
     "khepera_macor.eyes",
-    {"receptive-fields": f"{_HERE}.eyes.panorama:PanoramaEyes"},
+    {"receptive-fields": "macor_hil.mind.eyes.panorama:PanoramaEyes"},
 )
 
 
@@ -84,6 +82,21 @@ def build_brain(
         settings.reinforcement,
         settings,
     )
+
+
+def whereabouts(settings: MindSettings, planners: Iterable[str] = ()) -> list[str]:
+    """Return where the code of a brain's parts and of planners is, as `Registry.where` does.
+
+    Raises:
+        MacorError: there is no such part.
+    """
+    parts = [(EYES, settings.eyes.use), (CLUSTERERS, settings.clusterer.use)]
+    parts += [(MEMORIES, part.use) for part in settings.memories.values()]
+    parts += [(PLANNERS, name) for name in planners]
+    try:
+        return sorted({registry.where(name) for registry, name in parts})
+    except RegistryError as error:
+        raise MacorError(str(error)) from error
 
 
 def make_planner(name: str, **settings: Any) -> Planner:

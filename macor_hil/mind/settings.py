@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 from macor_hil.errors import MacorError
 from macor_hil.mind.reinforcement import Reinforcement
 from protocol.mirror import Mirror, StoredMirror
+from protocol.validation import problems
 
 MOST_NODES: Final = 1000
 """Situations of the largest map."""
@@ -102,12 +103,3 @@ def make_part(part: Any, settings: Mapping[str, Any], given: Mapping[str, Any]) 
     wanted = signature(part).parameters
     values = {name: getattr(checked, name) for name in model.model_fields}
     return part(**{name: given[name] for name in given if name in wanted}, **values)
-
-
-def problems(error: ValidationError) -> str:
-    """Tell what is wrong with each value, in one line."""
-    said = []
-    for item in error.errors(include_url=False, include_context=False):
-        where = ".".join(map(str, item["loc"])) or "they"
-        said.append(f"{where}: {item['msg'][0].lower()}{item['msg'][1:]}")
-    return "; ".join(said)

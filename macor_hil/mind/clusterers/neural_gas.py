@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from macor_hil.arrays import Array, State
-from macor_hil.mind.clusterers.clusterer import clusterer_errors
+from macor_hil.mind.clusterers.clusterer_error import clusterer_errors
 from macor_hil.mind.experience import Resonance
 from macor_hil.mind.stored import MOST_COUNTED, numbers, whole
 
