@@ -30,7 +30,7 @@ from khepera_emulator.ports.terminal import FIRST_RATE
 from khepera_emulator.starts import check_starts
 from khepera_emulator.wire_log import ROBOT, Recording, WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
-from protocol.text import PrintableFormatter, printable
+from protocol.text import PrintableFormatter, printable, quoted
 from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
@@ -403,7 +403,9 @@ def _parse_baud(text: str) -> int | None:
     if text == "unpaced":
         return None
     if not _BAUD.fullmatch(text):
-        raise EmulatorError(f"--baud {text}: give auto, unpaced, or a rate such as 38400")
+        raise EmulatorError(
+            f"--baud {printable(text, 60)}: give auto, unpaced, or a rate such as 38400"
+        )
     return int(text)
 
 
@@ -453,7 +455,7 @@ def _numbered_paths(option: str, path: Path | None, count: int, *, stem: bool = 
 def _check_robot(name: str) -> None:
     if not _ROBOT.fullmatch(name):
         raise EmulatorError(
-            f"--robot {name[:100]!r}: a name is made of letters, digits, dots, dashes and"
+            f"--robot {quoted(name)}: a name is made of letters, digits, dots, dashes and"
             " underscores, 64 at most"
         )
 
