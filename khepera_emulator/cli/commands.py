@@ -425,14 +425,15 @@ def _same_robot(ctx: typer.Context, faults: list[str], number: int) -> str:
 def _scripted(script: Path | None) -> list[str]:
     if script is None:
         return []
+    name = printable(str(script), 300)
     try:
         with script.open("rb") as file:
             text = file.read(MAX_SCRIPT + 1).decode()
     except OSError as error:
-        raise EmulatorError(f"cannot read the fault script {script}: {error.strerror}") from None
+        raise EmulatorError(f"cannot read the fault script {name}: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise EmulatorError(
-            f"cannot read the fault script {script}: byte {error.start} is not UTF-8 text"
+            f"cannot read the fault script {name}: byte {error.start} is not UTF-8 text"
         ) from None
     return script_specs(text)
 
