@@ -2,26 +2,47 @@
 
 An arena is a TOML file; lengths are metres, angles degrees. The ones that come with the package
 lie in `khepera_emulator/arenas`; a path to a file of one's own works in every place where a
-name does.
+name does. Everything in it has bounds, in size and in number: what passes can be simulated.
 """
 
-import tomllib
+from difflib import get_close_matches
 from importlib import resources
 from itertools import pairwise
+from math import hypot
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.mistakes import describe
+from protocol.text import MAX_DOCUMENT, DocumentError, parse_toml, printable
 
 MOST_ROBOTS: Final = 32
 """Robots in one world; one process steps them all."""
 
-Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
+FARTHEST: Final = 10.0
+"""Metres from the origin, along each axis, within which everything stands."""
+
+MOST_SOLIDS: Final = 2000
+"""Stretches of walls and posts: a picture of so many takes a tenth of a second."""
+
+MOST_THINGS: Final = 100
+"""Things to push, which are stepped 200 times a second."""
+
+MOST_LAMPS: Final = 100
+
+_SHORTEST: Final = 0.001
+"""Metres of the shortest stretch, and of the least size of anything."""
+
+Number = Annotated[float, Field(strict=True)]
+"""A number in the file: no text, no truth value."""
+
+Metres = Annotated[Number, Field(ge=-FARTHEST, le=FARTHEST)]
+Degrees = Annotated[Number, Field(ge=-360.0, le=360.0, description="degrees")]
 Point = tuple[Metres, Metres]
-Side = Annotated[float, Field(ge=0.005, le=1.0)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Side = Annotated[Number, Field(ge=0.005, le=1.0)]
+Share = Annotated[Number, Field(ge=0.0, le=1.0)]
 Colour = tuple[Share, Share, Share]
 
 
@@ -33,15 +54,17 @@ def _check_stretches(points: list[Point]) -> None:
     for start, end in pairwise(points):
         if start == end:
             raise ValueError(f"two points in a row are the same: {start}")
+        if hypot(end[0] - start[0], end[1] - start[1]) < _SHORTEST:
+            raise ValueError(f"two points in a row are less than 1 mm apart: {start} and {end}")
 
 
 class Wall(_Part):
     """A wall along a polyline of its foot points; its faces lie half a thickness beside it."""
 
-    points: list[Point] = Field(min_length=2)
+    points: list[Point] = Field(min_length=2, max_length=MOST_SOLIDS)
     colour: Colour = (1.0, 1.0, 1.0)
-    height: float = Field(default=0.10, gt=0.0, le=2.0)
-    thickness: float = Field(default=0.01, ge=0.001, le=1.0)
+    height: Number = Field(default=0.10, ge=_SHORTEST, le=2.0)
+    thickness: Number = Field(default=0.01, ge=_SHORTEST, le=1.0)
 
     @model_validator(mode="after")
     def _has_length(self) -> Self:
@@ -53,8 +76,8 @@ class Cylinder(_Part):
     """An upright round post."""
 
     centre: Point
-    radius: float = Field(gt=0.0, le=1.0)
-    height: float = Field(default=0.10, gt=0.0, le=2.0)
+    radius: Number = Field(ge=_SHORTEST, le=1.0)
+    height: Number = Field(default=0.10, ge=_SHORTEST, le=2.0)
     colour: Colour = (1.0, 1.0, 1.0)
 
 
@@ -65,7 +88,7 @@ class Lamp(_Part):
     """
 
     centre: Point
-    power: float = Field(default=1.0, gt=0.0, le=10.0)
+    power: Number = Field(default=1.0, ge=0.001, le=10.0)
 
 
 class Movable(_Part):
@@ -76,15 +99,17 @@ class Movable(_Part):
 
     shape: Literal["post", "ball", "box"]
     centre: Point
-    heading: float = Field(default=0.0, description="degrees", ge=-360.0, le=360.0)
-    radius: float | None = Field(default=None, ge=0.004, le=0.5)
+    heading: Degrees = 0.0
+    radius: Number | None = Field(default=None, ge=0.004, le=0.5)
     size: tuple[Side, Side] | None = None
-    height: float = Field(default=0.04, ge=0.01, le=1.0)
-    mass: float = Field(default=0.02, description="kilograms", ge=0.001, le=5.0)
-    friction: float = Field(
-        default=0.4, description="with the floor; of a ball: a twentieth of it", gt=0.0, le=2.0
+    height: Number = Field(default=0.04, ge=0.01, le=1.0)
+    mass: Number = Field(default=0.02, description="kilograms", ge=0.001, le=5.0)
+    friction: Number = Field(
+        default=0.4, description="with the floor; of a ball: a twentieth of it", ge=0.001, le=2.0
     )
-    resistivity: int = Field(default=128, description="as a gripper reads it", ge=1, le=255)
+    resistivity: int = Field(
+        default=128, description="as a gripper reads it", strict=True, ge=1, le=255
+    )
     colour: Colour = (1.0, 1.0, 1.0)
 
     @model_validator(mode="after")
@@ -102,16 +127,18 @@ class Start(_Part):
 
     x: Metres
     y: Metres
-    heading: float = Field(default=0.0, description="degrees", ge=-360.0, le=360.0)
+    heading: Degrees = 0.0
 
 
 class Corridor(_Part):
     """Where `random` starts are drawn: along a middle line, to its sides, about its heading."""
 
-    points: list[Point] = Field(min_length=2)
-    half_width: float = Field(gt=0.0, le=5.0)
-    heading_spread: float = Field(default=180.0, description="degrees", gt=0.0, le=180.0)
-    gap: float = Field(default=0.03, description="least distance of the body to anything", ge=0.0)
+    points: list[Point] = Field(min_length=2, max_length=MOST_SOLIDS)
+    half_width: Number = Field(ge=_SHORTEST, le=5.0)
+    heading_spread: Number = Field(default=180.0, description="degrees", gt=0.0, le=180.0)
+    gap: Number = Field(
+        default=0.03, description="least distance of the body to anything", ge=0.0, le=5.0
+    )
 
     @model_validator(mode="after")
     def _has_length(self) -> Self:
@@ -122,19 +149,31 @@ class Corridor(_Part):
 class Arena(_Part):
     """Everything that stands around a robot."""
 
-    version: int = Field(ge=1, le=1)
-    title: str
+    version: int = Field(strict=True, ge=1, le=1)
+    title: Annotated[str, AfterValidator(printable)] = Field(max_length=200)
     floor: Colour = (0.5, 0.5, 0.5)
     sky: Colour = (1.0, 1.0, 1.0)
     start: Start
     free: Corridor
-    wall: list[Wall] = Field(default_factory=list)
-    cylinder: list[Cylinder] = Field(default_factory=list)
-    lamp: list[Lamp] = Field(default_factory=list)
-    object: list[Movable] = Field(default_factory=list)
+    wall: list[Wall] = Field(default_factory=list, max_length=MOST_SOLIDS)
+    cylinder: list[Cylinder] = Field(default_factory=list, max_length=MOST_SOLIDS)
+    lamp: list[Lamp] = Field(default_factory=list, max_length=MOST_LAMPS)
+    object: list[Movable] = Field(default_factory=list, max_length=MOST_THINGS)
     starts: list[Start] = Field(
-        default_factory=list, description="of the robots after the first; drawn if absent"
+        default_factory=list,
+        description="of the robots after the first; drawn if absent",
+        max_length=MOST_ROBOTS - 1,
     )
+
+    @model_validator(mode="after")
+    def _is_bounded(self) -> Self:
+        stretches = sum(len(wall.points) - 1 for wall in self.wall)
+        if stretches + len(self.cylinder) > MOST_SOLIDS:
+            raise ValueError(
+                f"there are {stretches} stretches of walls and {len(self.cylinder)} posts, and"
+                f" {MOST_SOLIDS} of both are the most"
+            )
+        return self
 
 
 def arena_names() -> list[str]:
@@ -153,21 +192,38 @@ def load_arena(name: str) -> Arena:
     Raises:
         EmulatorError: there is no such arena, or its file does not hold one.
     """
-    if name in arena_names():
-        text = (resources.files("khepera_emulator") / "arenas" / f"{name}.toml").read_text("utf-8")
-    else:
-        try:
-            text = Path(name).read_text("utf-8")
-        except (OSError, ValueError):  # ValueError: not UTF-8, or a NUL in the name
-            raise EmulatorError(
-                f"unknown arena {name!r}: neither one of {', '.join(arena_names())}"
-                " nor a readable TOML file"
-            ) from None
     try:
-        return Arena.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise EmulatorError(f"arena {name!r} is not TOML: {error}") from None
+        return Arena.model_validate(parse_toml(_document(name)))
+    except DocumentError as error:
+        raise EmulatorError(f"the arena {name!r} is not TOML: {error}") from None
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "the file"
-        raise EmulatorError(f"arena {name!r}: {place}: {first['msg']}") from None
+        raise EmulatorError(f"the arena {name!r}: {describe(error, Arena)}") from None
+
+
+def _document(name: str) -> bytes:
+    """The bytes of an arena's file, or a few more than are ever parsed."""
+    names = arena_names()
+    if name in names:
+        return (resources.files("khepera_emulator") / "arenas" / f"{name}.toml").read_bytes()
+    path = Path(name)
+    try:
+        if not name or (path.name == name and not path.suffix and not path.exists()):
+            raise EmulatorError(_unknown(name, names))
+        if path.exists() and not path.is_file():
+            # a pipe or a device might never end
+            raise EmulatorError(f"the arena {name!r} is not a file; give the path of a TOML file")
+        with path.open("rb") as file:
+            data = file.read(MAX_DOCUMENT + 1)
+    except OSError as error:
+        raise EmulatorError(f"cannot read the arena {name!r}: {error.strerror}") from None
+    except ValueError:  # a NUL in the name
+        raise EmulatorError(_unknown(name, names)) from None
+    if len(data) > MAX_DOCUMENT:
+        raise EmulatorError(f"the arena {name!r} has more than {MAX_DOCUMENT:,} bytes")
+    return data
+
+
+def _unknown(name: str, names: list[str]) -> str:
+    close = get_close_matches(name, names, 1)
+    hint = f"did you mean {close[0]}? There" if close else "there"
+    return f"unknown arena {name!r}: {hint} are {', '.join(names)}; or give the path of a TOML file"

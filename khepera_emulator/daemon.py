@@ -6,18 +6,18 @@ query is answered.
 """
 
 import logging
-import os
 import select
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from math import ceil
 
+from khepera_emulator.bell import Bell
 from khepera_emulator.clock import Clock, on_grid
 from khepera_emulator.emulator import Emulator
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.port import Port
 from khepera_emulator.side_channel import SideChannel
 from khepera_emulator.wire_log import WireLog
+from khepera_emulator.wire_order import InOrder
 
 _log = logging.getLogger(__name__)
 
@@ -74,7 +74,7 @@ class Daemon:
         self.add(emulator, port, follow_rate=follow_rate, channel=channel, log=log)
         self._heard = False
         self._stopping = False
-        self._stop = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._stop = Bell()
 
     @property
     def lost(self) -> int:
@@ -96,8 +96,7 @@ class Daemon:
     def stop(self) -> None:
         """End `run` soon; for signal handlers and other threads."""
         self._stopping = True
-        with suppress(OSError):  # it has ended
-            os.eventfd_write(self._stop, 1)
+        self._stop.ring()
 
     def run(self) -> None:
         """Serve until `stop`."""
@@ -106,13 +105,13 @@ class Daemon:
                 self._serve(self._wait())
             self._serve(set())  # what came before the stop counts
         finally:
-            os.close(self._stop)
-        for line in self._lines:
-            line.log_losses()
+            self._stop.close()
+            for line in self._lines:
+                line.end()
 
     def _wait(self) -> set[int]:
         """Sleep until a client, a query, a byte's wire time or a robot's motion wants something."""
-        readers = [self._stop]
+        readers = [self._stop.fileno()]
         # a robot that was talked to is hardly worth the question whether it moves
         awake = self._heard or self._emulator.moving
         delay = MOVING_PERIOD if awake else RESTING_PERIOD
@@ -135,7 +134,7 @@ class Daemon:
         for line in self._lines:
             line.hand_over()
         for line in self._lines:
-            line.serve_channel(self._catch_up)
+            line.tell(self._catch_up)
 
     def _catch_up(self) -> None:
         self._emulator.reach(self._time())
@@ -172,10 +171,12 @@ class _Line:
         self._port = port
         self._follow_rate = follow_rate
         self._channel = channel
-        self._log = channel.listening(log) if channel else log
+        listener = channel.listening(log) if channel else log
+        self._log = InOrder(listener) if listener else None
         self._chunks: list[bytes] = []
         self._watched: tuple[int, ...] = ()
         self._room = _TAKE
+        self._answered = False
         self._look_again = False
         # a line that takes no time has no rate that a client's could differ from
         self._asks_settings = follow_rate or emulator.uart.baud is not None or bool(self._log)
@@ -185,7 +186,8 @@ class _Line:
     def descriptors(self) -> tuple[int, ...]:
         """What becomes readable when a client or a query comes."""
         self._room = self._emulator.uart.room(self._emulator.now, _TAKE)
-        self._watched = self._port.descriptors(room=self._room > 0)
+        self._answered = self._emulator.uart.idle
+        self._watched = self._port.descriptors(room=self._room > 0, answered=self._answered)
         return (*self._watched, self._channel.fileno()) if self._channel else self._watched
 
     def delay(self, now: float, speed: float) -> float:
@@ -212,7 +214,7 @@ class _Line:
         """
         if not ready or self._look_again or not ready.isdisjoint(self._watched):
             self._look_again = False
-            self._chunks = self._port.receive(self._room)
+            self._chunks = self._port.receive(self._room, answered=self._answered)
 
     def take(self, now: float) -> bool:
         """Put on the line, now, what the client has done; tells whether that is anything."""
@@ -221,14 +223,15 @@ class _Line:
             return False
         self._chunks = []
         emulator, uart, log = self._emulator, self._emulator.uart, self._log
-        if uart.faults:
-            emulator.reach(now)  # what happens to a byte may hang on what was said before it
+        # whatever was due before comes before: as when a log is replayed
+        emulator.reach(now)
         if self._asks_settings:
             self._set(now, self._port.settings())
         for chunk in chunks:
             if not chunk:
                 if log:
                     log.close(now)
+                emulator.reach(now)
                 emulator.hang_up()
                 continue
             limit = _LEFT_BEHIND + (_TAKE if chunk is chunks[-1] else 0)
@@ -266,19 +269,27 @@ class _Line:
             self._log.reply(uart.due(count), reply)
         uart.take(count)
 
-    def serve_channel(self, catch_up: Callable[[], None]) -> None:
-        """Answer one query and publish what is due."""
+    def tell(self, catch_up: Callable[[], None]) -> None:
+        """Tell those who watch what has passed, answer one query and publish what is due."""
+        if self._log:
+            self._log.pass_on(self._emulator.now)
         if self._channel and self._channel.delay() <= 0.0:
             catch_up()
             self._channel.serve(self._emulator)
 
-    def log_losses(self) -> None:
-        """Say how many bytes were dropped."""
+    def end(self) -> None:
+        """Tell the rest, and how many bytes were dropped."""
+        if self._log:
+            self._log.pass_on()
+        url, uart = self._port.url, self._emulator.uart
         _log.info(
-            "%d bytes to clients that did not read and %d bytes from clients were dropped",
+            "%s: %d bytes to clients that did not read and %d bytes of replies that the line had"
+            " no room for were dropped",
+            url,
             self._port.dropped,
-            self.lost + self._emulator.uart.lost,
+            uart.unsent,
         )
+        _log.info("%s: %d bytes from clients were dropped", url, self.lost + uart.lost)
 
 
 def _readable(descriptors: Sequence[int], seconds: float) -> set[int]:

@@ -22,13 +22,15 @@ from khepera_emulator.firmware import Firmware
 from khepera_emulator.fleet import Fleet
 from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
-from khepera_emulator.places import Gap, check_room, pose_of, random_pose
+from khepera_emulator.places import Gap, anywhere, check_room, pose_of, random_pose
 from khepera_emulator.renderers.view import Image
 from khepera_emulator.robot import Robot
 from khepera_emulator.turrets import Equipment
 from khepera_emulator.uart import Uart, on_grid
+from protocol.errors import RequestError
 from protocol.mirror import Mirror
 from protocol.side_channel import Outline, Pose, Reset, Truth
+from protocol.text import printable
 
 _log = logging.getLogger(__name__)
 
@@ -61,6 +63,10 @@ class Setup:
     turrets: tuple[str, ...] = ()
     choices: Choices = Choices()  # noqa: RUF009 - an immutable value
     dead_man: float | None = None
+
+
+_MOST_REFUSALS = 20
+"""Refused requests of a client that are logged one by one: garbage has many of them."""
 
 
 def _log_fault(happening: Happening) -> None:
@@ -108,6 +114,7 @@ class Emulator:
             setup.turrets, setup.choices, self._fleet.radio, self._number + 1
         )
         self._next_rate: int | None = None
+        self._refusals = 0
         streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
@@ -139,6 +146,9 @@ class Emulator:
     def hang_up(self) -> None:
         """The client leaves the line; the robot does not notice and goes on."""
         self.uart.hang_up()
+        if self._refusals > _MOST_REFUSALS:
+            _log.info("robot %d has refused %d requests", self._number + 1, self._refusals)
+        self._refusals = 0
 
     @property
     def moving(self) -> bool:
@@ -155,15 +165,27 @@ class Emulator:
 
     def execute(self, line: bytes, moment: float) -> None:
         """Carry out a request that has arrived at a moment; the reply goes on the line."""
-        self.uart.send(self._firmware.execute(line), moment)
+        panel = self._robot.panel
+        reply = self._firmware.execute(line)
+        if self._robot.panel is not panel:
+            # it has started again, and its banner comes at the rate of its jumpers
+            self.uart.use_rate(None)
+        self.uart.send(reply, moment)
         self._robot.heard()
         if self._next_rate is not None:
-            # a line that takes no time goes on taking none
-            self.uart.baud = self._next_rate if self.uart.baud else None
+            self.uart.use_rate(self._next_rate)
             self._next_rate = None
 
     def _change_rate(self, rate: int) -> None:
         self._next_rate = rate  # the reply to the change still goes out at the rate before
+
+    def _log_refusal(self, line: bytes, error: RequestError) -> None:
+        self._refusals += 1
+        if self._refusals <= _MOST_REFUSALS:
+            request, why = printable(line, 60), printable(str(error), 120)
+            _log.info("robot %d refuses '%s': %s", self._number + 1, request, why)
+        elif self._refusals == _MOST_REFUSALS + 1:
+            _log.info("robot %d refuses more than that", self._number + 1)
 
     def truth(self) -> Truth:
         """Ground truth, now."""
@@ -220,19 +242,21 @@ class Emulator:
         fleet.assemble()
 
     def _choose(self, reset: Reset, gap: Gap, streams: _Streams) -> Pose:
+        inside = self._fleet.enclosure.holds
         if reset.random:
-            return random_pose(self.setup.arena.free, gap, streams.places)
+            return random_pose(self.setup.arena.free, gap, streams.places, inside)
         pose = reset.pose or self.start_pose
-        check_room(pose, gap)
+        check_room(pose, gap, inside)
         return pose
 
     def _find_start(self, rng: np.random.Generator) -> Pose:
         arena, gap = self.setup.arena, self._fleet.gap()
         starts = [arena.start, *arena.starts]
         if self._number >= len(starts):
-            return random_pose(arena.free, gap, rng)
+            return random_pose(arena.free, gap, rng, self._fleet.enclosure.holds)
         pose = pose_of(starts[self._number])
-        check_room(pose, gap)
+        # the first start says what the inside is
+        check_room(pose, gap, self._fleet.enclosure.holds if self._number else anywhere)
         return pose
 
     def _build(self, pose: Pose, streams: _Streams) -> None:
@@ -248,7 +272,7 @@ class Emulator:
             self._equipment,
             setup.dead_man,
         )
-        self._firmware = Firmware(self._robot, self._change_rate)
+        self._firmware = Firmware(self._robot, self._change_rate, self._log_refusal)
         self._camera: OmniCamera | None = None
 
     def _eye(self) -> OmniCamera:

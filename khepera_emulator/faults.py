@@ -33,12 +33,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import inf, isfinite
+from math import inf
 from random import Random
 from typing import Final
 
 from khepera_emulator.clock import on_grid
 from khepera_emulator.errors import EmulatorError
+from protocol.text import printable
 
 
 class Direction(StrEnum):
@@ -55,6 +56,21 @@ _REQUESTS: Final = ("stall", "cut", "reset")
 _WINDOWS: Final = ("stall", "cut")
 _AT_A_TIME: Final = ("stray", *_REQUESTS)
 KINDS: Final = (*_BYTES, *_REPLIES, *_REQUESTS)
+
+MAX_SCRIPT: Final = 1_000_000
+"""Bytes of the longest schedule that is read."""
+
+MOST_FAULTS: Final = 1000
+"""Faults of one line: each draws a number for every byte."""
+
+_LONGEST: Final = 1000
+"""Characters of a fault as it is written."""
+
+_SHOWN: Final = 100
+_MOST_SECONDS: Final = 2.0**23
+"""97 days, for which the times on the line are exact."""
+
+_MOST_TIMES: Final = 1e9
 
 _DELAY: Final = on_grid(0.05)
 _LASTS: Final = 1.0
@@ -312,6 +328,8 @@ def parse_fault(text: str) -> Fault:
     Raises:
         EmulatorError: it is no fault; the message says why.
     """
+    if len(text) > _LONGEST:
+        raise _wrong(text, f"it has {len(text):,} characters, and {_LONGEST:,} at most are read")
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
         raise _wrong(text, f"there are {', '.join(KINDS)}")
@@ -319,23 +337,36 @@ def parse_fault(text: str) -> Fault:
     allowed = _allowed(kind)
     for key in values:
         if key not in allowed:
-            raise _wrong(text, f"{kind} knows {', '.join(allowed)}, not {key!r}")
+            raise _wrong(text, f"{kind} knows {', '.join(allowed)}, not '{_shown(key)}'")
     once = kind in _AT_A_TIME and "p" not in values
     if once and "at" not in values:
         raise _wrong(text, f"{kind} needs p (a chance) or at (a time)")
     fault = Fault(
         kind,
-        chance=None if once else _number(text, "p", values.get("p", "1"), most=1.0),
+        chance=None if once else _number(text, "p", values.get("p", "1"), 1.0),
         directions=_directions(text, kind, values.get("dir", "both")),
         at=_seconds(text, "at", values.get("at", "0")),
         time=_seconds(text, "time", values.get("time", str(_DELAY))),
-        most=_number(text, "n", values.get("n", "")) if "n" in values else inf,
+        most=_number(text, "n", values["n"], _MOST_TIMES) if "n" in values else inf,
     )
     if "text" in values:
         fault = replace(fault, text=_unescape(text, values["text"]))
     if kind in _WINDOWS:
         return replace(fault, lasts=_seconds(text, "for", values.get("for", str(_LASTS))))
     return replace(fault, lasts=_seconds(text, "for", values["for"])) if "for" in values else fault
+
+
+def parse_faults(specs: Sequence[str]) -> tuple[Fault, ...]:
+    """Read the faults of one line.
+
+    Raises:
+        EmulatorError: one of them is none, or there are too many.
+    """
+    if len(specs) > MOST_FAULTS:
+        raise EmulatorError(
+            f"there are {len(specs):,} faults, and a line takes {MOST_FAULTS:,} at most"
+        )
+    return tuple(map(parse_fault, specs))
 
 
 def parse_script(text: str) -> tuple[Fault, ...]:
@@ -349,7 +380,9 @@ def parse_script(text: str) -> tuple[Fault, ...]:
 
 def script_specs(text: str) -> list[str]:
     """The faults of a schedule, each as `parse_fault` reads it; errors as of `parse_script`."""
-    specs = []
+    if len(text) > MAX_SCRIPT:
+        raise EmulatorError(f"the fault script has more than {MAX_SCRIPT:,} characters")
+    specs: list[str] = []
     for number, line in enumerate(text.splitlines(), 1):
         line = line.strip()
         if not line or line.startswith("#"):
@@ -363,6 +396,8 @@ def script_specs(text: str) -> list[str]:
         except EmulatorError as error:
             raise EmulatorError(f"line {number} of the fault script: {error}") from None
         specs.append(spec)
+        if len(specs) > MOST_FAULTS:
+            raise EmulatorError(f"the fault script has more than {MOST_FAULTS:,} faults")
     return specs
 
 
@@ -381,9 +416,9 @@ def _values(text: str, rest: str) -> dict[str, str]:
     while rest:
         key, equals, rest = rest.partition("=")
         if not equals:
-            raise _wrong(text, f"{key!r} is no KEY=VALUE")
+            raise _wrong(text, f"'{_shown(key)}' is no KEY=VALUE")
         if key in values:
-            raise _wrong(text, f"{key} is given twice")
+            raise _wrong(text, f"{_shown(key)} is given twice")
         values[key], _, rest = (rest, "", "") if key == "text" else rest.partition(",")
     return values
 
@@ -394,21 +429,21 @@ def _directions(text: str, kind: str, word: str) -> tuple[Direction, ...]:
     if word == "both":
         return _BOTH
     if word not in tuple(Direction):
-        raise _wrong(text, f"dir is request, reply or both, not {word!r}")
+        raise _wrong(text, f"dir is request, reply or both, not '{_shown(word)}'")
     return (Direction(word),)
 
 
 def _seconds(text: str, key: str, word: str) -> float:
-    return on_grid(_number(text, key, word))
+    return on_grid(_number(text, key, word, _MOST_SECONDS))
 
 
-def _number(text: str, key: str, word: str, most: float = inf) -> float:
+def _number(text: str, key: str, word: str, most: float) -> float:
     try:
         number = float(word)
     except ValueError:
-        raise _wrong(text, f"{key}={word} is no number") from None
-    if not (isfinite(number) and 0.0 <= number <= most):
-        raise _wrong(text, f"{key}={word} is out of range")
+        raise _wrong(text, f"{key}={_shown(word)} is no number") from None
+    if not 0.0 <= number <= most:  # nor is it NaN
+        raise _wrong(text, f"{key}={_shown(word)} is out of range: give 0 to {most:.10g}")
     return number
 
 
@@ -416,8 +451,12 @@ def _unescape(text: str, word: str) -> bytes:
     try:
         return word.encode("ascii").decode("unicode_escape").encode("latin-1")
     except UnicodeError:
-        raise _wrong(text, f"text={word}: give ASCII with escapes such as \\xff") from None
+        raise _wrong(text, f"text={_shown(word)}: give ASCII with escapes such as \\xff") from None
 
 
 def _wrong(text: str, why: str) -> EmulatorError:
-    return EmulatorError(f"cannot read the fault {text!r}: {why}")
+    return EmulatorError(f"cannot read the fault '{_shown(text)}': {why}")
+
+
+def _shown(text: str) -> str:
+    return printable(text, _SHOWN)

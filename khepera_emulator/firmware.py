@@ -36,21 +36,27 @@ _LED_OFF, _LED_ON = 0, 1
 
 
 class Firmware:
-    """Interpreter of one robot's serial protocol.
+    """Interpreter of one robot's serial protocol, without a state of its own.
 
     Args:
         robot: what it reads and drives.
         on_rate: told the rate in bits a second that the tool `serial` sets, to hold from after
             its reply.
+        on_refusal: told each request that is refused, and why.
     """
 
-    def __init__(self, robot: Robot, on_rate: Callable[[int], None] = lambda _: None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        on_rate: Callable[[int], None] = lambda _: None,
+        on_refusal: Callable[[bytes, RequestError], None] = lambda _, __: None,
+    ) -> None:
         self._robot = robot
         self._on_rate = on_rate
+        self._on_refusal = on_refusal
         self._choices = robot.equipment.choices
         self._strict = self._choices.reject_beyond
         self._lenient = not self._choices.count_arguments
-        self._loading = False
         self._commands: dict[str, Callable[..., tuple[int, ...]]] = {
             "A": self._configure_speed,
             "C": self._set_position,
@@ -81,18 +87,20 @@ class Firmware:
 
     def execute(self, line: bytes) -> bytes:
         """Carry out one request line; every line gets an answer, but for the loader's records."""
-        if self._loading:
+        panel = self._robot.panel
+        if panel.loading:
             said = load_record(line)
             if said is not None:
-                self._loading = said != LOADER_DONE
+                panel.loading = said != LOADER_DONE
                 return encode_line(said) if said else b""
-            self._loading = False  # as nothing but power-on could end it on the robot (a choice)
+            panel.loading = False  # as nothing but power-on could end it on the robot (a choice)
         try:
             request = parse_request(line, self._strict, self._lenient)
             if isinstance(request, ToolCall):
                 return self._run_tool(request)
             return self._answer(request)
         except RequestError as error:
+            self._on_refusal(line, error)
             return encode_line(self._refusal(error.reply))
 
     def _refusal(self, text: str) -> str:
@@ -209,7 +217,7 @@ class Firmware:
         lines = tool_lines(call.word, call.arguments, self._about())
         if lines is None:
             raise RequestError(COMMAND_NOT_FOUND, f"no such tool: {call}")
-        self._loading = begins_loader(call.word, call.arguments)
+        self._robot.panel.loading = begins_loader(call.word, call.arguments)
         rate = set_rate(call.word, call.arguments)
         if rate is not None:
             self._on_rate(rate)

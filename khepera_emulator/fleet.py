@@ -1,11 +1,13 @@
 """The emulated robots of one world: their common time, and one physics client."""
 
 from collections.abc import Iterator
+from functools import cached_property
 from heapq import merge
 from typing import Protocol
 
 from khepera_emulator.arena import Arena
 from khepera_emulator.crew import Crew
+from khepera_emulator.enclosure import Enclosure
 from khepera_emulator.geometry import Surroundings
 from khepera_emulator.places import Gap
 from khepera_emulator.robot import Robot
@@ -81,8 +83,8 @@ class Fleet:
 
         Control periods are counted from now.
         """
-        self.world.close()
-        self.world = World(self._arena, shared=self._shared)
+        before, self.world = self.world, World(self._arena, shared=self._shared)
+        before.close()
         self._power_time = self.now
         self._ticks = 0
 
@@ -125,6 +127,11 @@ class Fleet:
         movers += [Disc(pose.x, pose.y, self._radius, 0.0) for pose in starts]
         scene = Surroundings(self.world.plan, movers)
         return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+
+    @cached_property
+    def enclosure(self) -> Enclosure:
+        """The inside of the arena."""
+        return Enclosure(self.world.plan, self._arena.start, self._radius)
 
     def _drive(self, until: float) -> None:
         due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)

@@ -1,6 +1,8 @@
 """Loading PyBullet, without its greeting."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -15,15 +17,27 @@ def load_physics() -> None:
     Raises:
         EmulatorError: it is not installed.
     """
-    kept = os.dup(_STDERR)
+    with _silent():
+        try:
+            import pybullet  # noqa: F401
+        except ModuleNotFoundError:
+            raise EmulatorError(
+                "the emulator needs PyBullet: pip install 'khepera-macor[emulator]'"
+            ) from None
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Let nothing be said on the standard error output, if there is one."""
+    try:
+        kept = os.dup(_STDERR)
+    except OSError:  # a parent has closed it
+        yield
+        return
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), _STDERR)
     try:
-        import pybullet  # noqa: F401
-    except ModuleNotFoundError:
-        raise EmulatorError(
-            "the emulator needs PyBullet: pip install 'khepera-macor[emulator]'"
-        ) from None
+        yield
     finally:
         os.dup2(kept, _STDERR)
         os.close(kept)

@@ -1,17 +1,22 @@
-"""An arena drawn from above into a PNG file, with its start and where random starts lie."""
+"""An arena drawn from above into a file, with its starts and where random starts lie."""
 
 from itertools import pairwise
 from math import atan2, cos, degrees, hypot, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from khepera_emulator.arena import Arena
+from khepera_emulator.arena import Arena, Point
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.outline import outline
+from khepera_emulator.paths import check_output
+from khepera_emulator.places import pose_of
 from protocol.extras import how_to_install
 from protocol.side_channel import Pose
+
+FORMATS: Final = (".png", ".jpg", ".jpeg", ".svg", ".pdf")
+"""How the names of pictures end."""
 
 _WIDTH = 4.8
 """Inches of the picture's longer side."""
@@ -28,12 +33,13 @@ def draw_arena(arena: Arena, path: Path, model: Model = KHEPERA) -> None:
 
     Args:
         arena: what to draw.
-        path: PNG file to write.
-        model: the robot that is drawn at the start.
+        path: file to write, its form as its name ends; see `FORMATS`.
+        model: the robot that is drawn at each start.
 
     Raises:
         EmulatorError: Matplotlib is not installed, or the file cannot be written.
     """
+    check_output(path, FORMATS)
     figure, axes = _canvas(arena)
     drawing = outline(arena, model)
     _draw_free_strip(axes, arena)
@@ -41,10 +47,13 @@ def draw_arena(arena: Arena, path: Path, model: Model = KHEPERA) -> None:
         _draw_lamp(axes, lamp.centre, lamp.power)
     for solid in drawing.solids:
         axes.fill(*zip(*solid.corners, strict=True), color=solid.colour, linewidth=0, zorder=3)
-    _draw_robot(axes, drawing.start, drawing.robot_radius)
-    axes.set_title(arena.title, fontsize=9)
+    for number, start in enumerate([arena.start, *arena.starts], 1):
+        _draw_robot(axes, pose_of(start), model.radius)
+        if arena.starts:
+            axes.annotate(str(number), (start.x, start.y), ha="right", va="top", zorder=8)
+    axes.set_title(arena.title, fontsize=9, parse_math=False)
     try:
-        figure.savefig(path, dpi=100, format="png")
+        figure.savefig(path, dpi=100, format=path.suffix.lower().removeprefix("."))
     except OSError as error:
         raise EmulatorError(f"cannot write {path}: {error.strerror}") from None
 
@@ -58,7 +67,7 @@ def _canvas(arena: Arena) -> tuple[Any, Any]:
             "drawing needs Matplotlib, which is not installed; install the extra 'pictures' with:"
             f" {how_to_install('pictures')}"
         ) from None
-    (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
+    (x0, y0), (x1, y1) = _bounds(arena)
     width, height = x1 - x0 + 2 * _MARGIN, y1 - y0 + 2 * _MARGIN
     scale = _WIDTH / max(width, height)
     # room for the title and the numbers at the axes
@@ -73,6 +82,15 @@ def _canvas(arena: Arena) -> tuple[Any, Any]:
     axes.set_ylabel("y in m", fontsize=8)
     axes.tick_params(labelsize=7)
     return figure, axes
+
+
+def _bounds(arena: Arena) -> tuple[Point, Point]:
+    """Lower left and upper right corner of all that is drawn, in metres."""
+    corners = list(FloorPlan(arena).bounds()) if arena.wall or arena.cylinder else []
+    corners += [(start.x, start.y) for start in (arena.start, *arena.starts)]
+    corners += [lamp.centre for lamp in arena.lamp] + [thing.centre for thing in arena.object]
+    xs, ys = zip(*corners, strict=True)
+    return (min(xs), min(ys)), (max(xs), max(ys))
 
 
 def _draw_free_strip(axes: Any, arena: Arena) -> None:

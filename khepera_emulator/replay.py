@@ -61,6 +61,9 @@ class _Line:
 class _Player(Protocol):
     """A robot's end of the line, and its time."""
 
+    def write(self, data: bytes) -> None:
+        """Put bytes on the line, now."""
+
     def wait(self, moment: float) -> bytes:
         """Let time pass to a moment; what comes meanwhile."""
 
@@ -112,7 +115,7 @@ def _play(
         if difference:
             return difference
         if entry.what == "request":
-            port.write(entry.data)
+            player.write(entry.data)
         elif entry.what == "line" and entry.line:
             port.baudrate = entry.line.baud
             port.bytesize, port.parity = entry.line.bits, entry.line.parity
@@ -183,6 +186,10 @@ class _Virtual:
     def __init__(self, port: Any) -> None:
         self._port = port
 
+    def write(self, data: bytes) -> None:
+        # not by the port: there a write takes time on a line that takes none
+        self._port.emulator.write(data)
+
     def wait(self, moment: float) -> bytes:
         # not by reading with a time-out: that has a least time
         emulator = self._port.emulator
@@ -206,6 +213,9 @@ class _Real:
         self._clock: Clock | None = None
         self._origin = 0.0
         port.timeout = _POLL
+
+    def write(self, data: bytes) -> None:
+        self._port.write(data)
 
     def wait(self, moment: float) -> bytes:
         if self._clock is None:

@@ -28,12 +28,21 @@ _SPOT_SLIP = 2.0
 
 @dataclass(slots=True)
 class Panel:
-    """What a client can set and see beside the motors."""
+    """What a client can set and see beside the motors: made anew with every power-on.
+
+    Attributes:
+        leds: whether they are on, the lateral one first.
+        outputs: bytes written to the bus, by address.
+        inputs: bytes on the bus, by address.
+        analogue: counts at the A/D inputs.
+        loading: whether requests go to the loader of S-records.
+    """
 
     leds: list[bool] = field(default_factory=lambda: [False, False])
     outputs: dict[int, int] = field(default_factory=dict)
     inputs: dict[int, int] = field(default_factory=dict)
     analogue: list[int] = field(default_factory=lambda: [_BATTERY_COUNTS, 0, 0, 0, 0, 0])
+    loading: bool = False
 
 
 class Robot:
@@ -94,6 +103,8 @@ class Robot:
         """Move the robot somewhere else and power it on afresh."""
         self.chassis.place(pose)
         self.touched = False
+        self._heard = self.ticks
+        self._free = self._counts = (0.0, 0.0)
         self._start_scan()
         self.power_on()
         self.turrets.power_on()

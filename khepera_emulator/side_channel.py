@@ -3,30 +3,35 @@
 So do the bytes on the line themselves, for those who watch it.
 
 Zenoh calls back in threads of its own. They only put queries on a list and wake the emulator's
-thread, which answers them between two portions of the serial line.
+thread, which answers them between two portions of the serial line. Whatever fails meanwhile is the
+answer, or is logged: nobody who asks, or looks, ends the emulator.
 """
 
 import json
-import os
+import logging
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, TracebackType
 from typing import NamedTuple, Self, TypeVar, cast
 
 import cv2
 import zenoh
 from pydantic import ValidationError
 
+from khepera_emulator.bell import Bell
 from khepera_emulator.emulator import Emulator
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.wire_log import WireLog
 from khepera_emulator.wire_tap import WireTap
 from protocol.keys import DESCRIBE, EMULATOR, EMULATOR_KEYS, SCHEMA_MEDIA_TYPE, Key, schema_name
 from protocol.side_channel import CameraQuery, Payload, Reset, Stamp, robot_key
+from protocol.text import printable
 from protocol.zenoh_config import zenoh_config
+
+_log = logging.getLogger(__name__)
 
 TRUTH_RATE = 10.0
 """Ground truths a second, published while someone listens."""
@@ -36,6 +41,10 @@ WIRE_RATE = 10.0
 
 _HARMLESS = frozenset({"truth", "arena"})
 _MOST_WAITING = 64
+_LONGEST_REQUEST = 10_000
+"""Bytes of a query's payload that are read."""
+
+_LONGEST_REASON = 300
 _ENCODINGS = {"png": zenoh.Encoding.IMAGE_PNG, "jpeg": zenoh.Encoding.IMAGE_JPEG}
 _JPEG_FRAME = CameraQuery(encoding="jpeg").model_dump_json().encode()
 
@@ -83,8 +92,8 @@ class SideChannel:
     ) -> None:
         self._waiting: deque[tuple[_Replier, zenoh.Query]] = deque()
         with ExitStack() as stack:
-            self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-            stack.callback(os.close, self._wake)
+            self._wake = Bell()
+            stack.callback(self._wake.close)
             self._session: zenoh.Session = (
                 beside._session
                 if beside
@@ -99,7 +108,9 @@ class SideChannel:
             for key in EMULATOR_KEYS:
                 if key.leaf in offered:
                     replier = _Replier(session, robot, key, answers[key.leaf])
-                    session.declare_queryable(replier.name, self._enqueue(replier))
+                    queryable = session.declare_queryable(replier.name, self._enqueue(replier))
+                    # the session may live on: that of a channel beside this one
+                    stack.callback(queryable.undeclare)
             # streams of one rate are due together: one wake-up for all of them
             start = time.monotonic()
             self._streams = [
@@ -111,7 +122,10 @@ class SideChannel:
                 )
                 if leaf in offered
             ]
-            self._alive = session.liveliness().declare_token(robot_key(robot, "alive"))
+            for stream in self._streams:
+                stack.callback(stream.close)
+            alive = session.liveliness().declare_token(robot_key(robot, "alive"))
+            stack.callback(alive.undeclare)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -127,7 +141,7 @@ class SideChannel:
 
     def fileno(self) -> int:
         """Descriptor that becomes readable when a query has come."""
-        return self._wake
+        return self._wake.fileno()
 
     def delay(self) -> float:
         """Real seconds until `serve` is due; 0 when it is."""
@@ -137,8 +151,7 @@ class SideChannel:
 
     def serve(self, emulator: Emulator) -> None:
         """Answer one query and publish what is due, all as of `emulator.now`."""
-        with suppress(BlockingIOError):
-            os.eventfd_read(self._wake)
+        self._wake.silence()
         if self._waiting:
             replier, query = self._waiting.popleft()
             with query:
@@ -153,9 +166,33 @@ class SideChannel:
                     query.reply_err(f"{_MOST_WAITING} queries wait already; ask less often")
                 return
             self._waiting.append((replier, query))
-            os.eventfd_write(self._wake, 1)
+            self._wake.ring()
 
         return enqueue
+
+
+class _Guard:
+    """Survives whatever fails within it; use as a context.
+
+    Args:
+        tell: is given what has failed.
+    """
+
+    def __init__(self, tell: Callable[[Exception], None]) -> None:
+        self._tell = tell
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        if not isinstance(error, Exception):
+            return False  # nothing failed, or the process is told to end
+        self._tell(error)
+        return True
 
 
 class _Replier:
@@ -168,21 +205,32 @@ class _Replier:
     def __init__(self, session: zenoh.Session, robot: str, key: Key, answer: _Answer) -> None:
         self.name = robot_key(robot, key.leaf)
         self._session = session
-        self._payload = key.payload
+        self._key = key
         self._answer = answer
         self._sequence = 0
 
     def reply(self, query: zenoh.Query, emulator: Emulator) -> None:
-        if DESCRIBE in query.parameters and self._payload:
-            schema = json.dumps(self._payload.model_json_schema())
-            query.reply(self.name, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
-            return
-        request = query.payload.to_bytes() if query.payload is not None else b""
-        try:
-            content = self._answer(emulator, request)
-        except EmulatorError as error:
-            query.reply_err(str(error), encoding=zenoh.Encoding.TEXT_PLAIN)
-            return
+        """Answer a query, if need be with what fails."""
+
+        def refuse(error: Exception) -> None:
+            reason = _reason(error)
+            if isinstance(error, EmulatorError):
+                _log.info("a query on %s is refused: %s", self.name, reason)
+            else:
+                _log.error("a query on %s failed", self.name, exc_info=error)
+            with suppress(zenoh.ZError):  # who asked has gone
+                query.reply_err(reason, encoding=zenoh.Encoding.TEXT_PLAIN)
+
+        with _Guard(refuse):
+            if DESCRIBE in query.parameters and self._key.payload:
+                schema = json.dumps(self._key.payload.model_json_schema())
+                query.reply(self.name, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
+            elif not self._key.acts or str(query.key_expr) == self.name:
+                self._reply(query, emulator)
+            # else: somebody looks at what there is, and means no harm
+
+    def _reply(self, query: zenoh.Query, emulator: Emulator) -> None:
+        content = self._answer(emulator, self._request(query))
         query.reply(
             self.name,
             content.payload,
@@ -191,6 +239,21 @@ class _Replier:
             timestamp=self._session.new_timestamp(),
         )
         self._sequence += 1
+
+    def _request(self, query: zenoh.Query) -> bytes:
+        payload = query.payload
+        if payload is None or not len(payload):
+            if self._key.acts and self._key.request:
+                raise EmulatorError(
+                    f"{self.name} takes a payload that says what to do, if only {{}}: a"
+                    f" {self._key.request.__name__} in JSON, see docs/keys.md"
+                )
+            return b""
+        if len(payload) > _LONGEST_REQUEST:
+            raise EmulatorError(
+                f"the payload has {len(payload):,} bytes, and {_LONGEST_REQUEST:,} at most are read"
+            )
+        return payload.to_bytes()
 
 
 class _Stream:
@@ -218,16 +281,25 @@ class _Stream:
         self._answer = answer
         self._request = request
         self._sequence = 0
+        self._key = key
+        self._failure = ""
+
+    def close(self) -> None:
+        """Publish no more."""
+        self._publisher.undeclare()
 
     def publish_if_due(self, emulator: Emulator) -> None:
         now = time.monotonic()
         if now < self.next:
             return
         self.next = max(self.next + self._period, now)  # what is missed is not made up for
-        # the library's type stub says bool
-        status = cast(zenoh.MatchingStatus, self._publisher.matching_status)
-        if not status.matching:
-            return
+        with _Guard(self._fail):
+            # the library's type stub says bool
+            status = cast(zenoh.MatchingStatus, self._publisher.matching_status)
+            if status.matching:
+                self._publish(emulator)
+
+    def _publish(self, emulator: Emulator) -> None:
         content = self._answer(emulator, self._request)
         if content is None:
             return
@@ -238,6 +310,20 @@ class _Stream:
             timestamp=self._session.new_timestamp(),
         )
         self._sequence += 1
+        self._failure = ""
+
+    def _fail(self, error: Exception) -> None:
+        reason = _reason(error)
+        if reason != self._failure:  # not ten times a second
+            self._failure = reason
+            _log.error("a sample of %s failed", self._key, exc_info=error)
+
+
+def _reason(error: Exception) -> str:
+    """Tell in a sentence why something failed; the text of an error may be foreign."""
+    if isinstance(error, EmulatorError):
+        return printable(str(error), _LONGEST_REASON)
+    return printable(f"the emulator failed: {type(error).__name__}: {error}", _LONGEST_REASON)
 
 
 def _camera(emulator: Emulator, request: bytes) -> _Content:

@@ -42,12 +42,13 @@ class Uart:
         faults: what goes wrong on the line.
 
     Attributes:
-        lost: bytes dropped because a queue was full.
+        lost: bytes of the client that were dropped because the robot's buffer was full.
+        unsent: bytes of replies that were dropped because the line had no room for them.
         faults: what goes wrong on the line.
     """
 
     def __init__(self, baud: int | None, faults: Faults | None = None) -> None:
-        self.lost = 0
+        self.lost = self.unsent = 0
         self.faults = faults or Faults()
         self._faulty = bool(self.faults)
         self._client: LineFormat | None = None
@@ -62,11 +63,26 @@ class Uart:
 
     @property
     def baud(self) -> int | None:
-        """Rate in bits a second, or None for a line that takes no time."""
+        """Rate in bits a second, or None for a line that takes no time.
+
+        Setting it is setting the robot's jumpers: it holds until `use_rate` wants another one, and
+        again from the next power-on.
+        """
         return self._baud
 
     @baud.setter
     def baud(self, rate: int | None) -> None:
+        self._jumpers = rate
+        self._set_rate(rate)
+
+    def use_rate(self, rate: int | None) -> None:
+        """Take the rate that a request wants, or that of the jumpers again, with None.
+
+        A line that takes no time goes on taking none.
+        """
+        self._set_rate(rate if rate and self._jumpers else self._jumpers)
+
+    def _set_rate(self, rate: int | None) -> None:
         self._baud = rate
         self._format = LineFormat(rate, stop=2) if rate else None
         self._each: float = on_grid(wire_time(1, rate)) if rate else 0.0
@@ -236,6 +252,11 @@ class Uart:
             return 0
         return max(0, most - len(self._receiving.data))
 
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is on its way in either direction; half a request may be held."""
+        return not (self._receiving.data or self._held or self._sending.data)
+
     def hang_up(self) -> None:
         """The client leaves: its requests are carried out, but nobody hears the replies."""
         self.clear_replies()
@@ -246,19 +267,21 @@ class Uart:
         self._sending.clear()
 
     def clear(self) -> None:
-        """Drop everything on the line, as when the plug is pulled, and count losses anew."""
+        """Drop everything on the line, which is as after power-on, and count losses anew."""
+        self.use_rate(None)
+        self._unheard = False
         self._receiving.clear()
         self._held.clear()
         self._splitter.clear()
         self.clear_replies()
-        self.lost = 0
+        self.lost = self.unsent = 0
         self._receiver_free = self._interpreter_free = self._sender_free = 0.0
         self._orphans = 0
 
     def _say(self, data: bytes, start: float) -> None:
         """Queue bytes for the client, to begin at a time if the line is free."""
         if len(self._sending.data) + len(data) > SEND_LIMIT:
-            self.lost += len(data)
+            self.unsent += len(data)
             return
         start = max(self._sender_free, start)
         if self._plain:

@@ -7,24 +7,43 @@ can be read; times are seconds on the robot's clock.
 import json
 import logging
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fcntl import LOCK_EX, LOCK_NB, flock
+from itertools import count
 from pathlib import Path
 from stat import S_ISREG
-from types import TracebackType
-from typing import Any, Final, Self
+from types import MappingProxyType, TracebackType
+from typing import Any, BinaryIO, Final, Literal, Self
 from urllib.parse import quote, urlencode
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import from_json
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.faults import Happening
 from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.mistakes import describe
+from protocol.text import printable
 
 _log = logging.getLogger(__name__)
 
 FORMAT: Final = "khepera-wire-log"
 VERSION: Final = 1
+
+ROBOT: Final = "khepera://"
+"""How the URL of an in-process robot begins."""
+
+_LONGEST_LINE: Final = 100_000
+"""Bytes of a line, its end included: a chunk of a client's has four thousand."""
+
+_LONGEST_URL: Final = 4096
+_MOST_ENTRIES: Final = 2_000_000
+_MOST_BYTES: Final = 1_000_000_000
+_MOST_TIME: Final = 1e9
+_LONGEST_SILENCE: Final = 1e7
+"""Seconds between two entries, on a clock that may run a thousand times faster than ours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +69,14 @@ class Recording:
     """A wire log.
 
     Attributes:
-        url: an in-process robot like the recorded one.
+        url: an in-process robot like the recorded one, as the file says.
         entries: what happened, in order.
+        damage: why there are no more entries, in a sentence; empty: the log is whole.
     """
 
     url: str
     entries: tuple[Entry, ...]
+    damage: str = ""
 
 
 class WireLog:
@@ -165,53 +186,119 @@ def _open_alone(path: str, flags: int) -> int:
 def robot_url(arena: str, options: Iterable[tuple[str, str]]) -> str:
     """URL of an in-process robot; options that are empty are left out."""
     query = urlencode([(name, value) for name, value in options if value], quote_via=quote)
-    return f"khepera://{arena}" + (f"?{query}" if query else "")
+    return f"{ROBOT}{quote(arena, errors='surrogateescape')}" + (f"?{query}" if query else "")
+
+
+class _Moment(BaseModel):
+    """What every entry has."""
+
+    model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False)
+
+    t: float = Field(ge=0.0, le=_MOST_TIME)
+    what: str
+
+
+class _Bytes(_Moment):
+    """A request or a reply."""
+
+    data: str
+
+
+class _Settings(_Moment):
+    """Settings of the client's end."""
+
+    baud: int = Field(ge=1, le=10_000_000)
+    bits: int = Field(ge=5, le=8)
+    parity: Literal["N", "E", "O", "M", "S"]
+    stop: float = Field(ge=1.0, le=2.0)
+
+
+_KINDS: Final[Mapping[str, type[_Moment]]] = MappingProxyType(
+    {"request": _Bytes, "reply": _Bytes, "line": _Settings}
+)
 
 
 def read_log(path: Path) -> Recording:
-    """Read a wire log. A last line that is not complete is left out.
+    """Read a wire log up to its end, or to the first line that is damaged.
+
+    A last line that is not complete is left out: a killed emulator leaves one.
 
     Raises:
         EmulatorError: it cannot be read, or is no wire log of this version.
     """
+    entries: list[Entry] = []
     try:
-        lines = path.read_text(encoding="ascii").split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise EmulatorError(f"cannot read the wire log {path}: {error}") from None
-    header = _object(path, 1, lines[0])
+        with path.open("rb") as file:
+            url = _url(path, file)
+            try:
+                entries.extend(_entries(path, file))
+            except EmulatorError as error:
+                return Recording(url, tuple(entries), str(error))
+    except OSError as error:
+        raise EmulatorError(
+            f"cannot read the wire log {printable(str(path), 300)}: {error.strerror}"
+        ) from None
+    return Recording(url, tuple(entries))
+
+
+def _url(path: Path, file: BinaryIO) -> str:
+    """Read the first line."""
+    header = _object(path, 1, file.readline(_LONGEST_LINE))
     if header.get("format") != FORMAT:
         raise EmulatorError(f"{path} is no wire log: its first line names no {FORMAT}")
     if header.get("version") != VERSION:
+        version = printable(str(header.get("version")), 20)
         raise EmulatorError(
-            f"{path} is a wire log of version {header.get('version')}; this program reads"
-            f" version {VERSION}"
+            f"{path} is a wire log of version {version}; this program reads version {VERSION}"
         )
-    return Recording(str(header.get("url", "")), tuple(_entries(path, lines[1:-1])))
+    url = header.get("url", "")
+    if not isinstance(url, str) or len(url) > _LONGEST_URL:
+        raise EmulatorError(f"{path} is no wire log: its url is no text of a robot's URL")
+    return url
 
 
-def _entries(path: Path, lines: Sequence[str]) -> Iterable[Entry]:
-    for number, line in enumerate(lines, 2):
-        values = _object(path, number, line)
-        try:
-            yield _entry(values)
-        except (KeyError, TypeError, ValueError):
-            raise EmulatorError(f"line {number} of {path} is no entry of a wire log") from None
+def _entries(path: Path, file: BinaryIO) -> Iterator[Entry]:
+    latest, size = 0.0, 0
+    for number in count(2):
+        line = file.readline(_LONGEST_LINE)
+        size += len(line)
+        if number > _MOST_ENTRIES or size > _MOST_BYTES:
+            raise EmulatorError(
+                f"{path} is longer than {_MOST_ENTRIES:,} lines or {_MOST_BYTES:,} bytes"
+            )
+        if not line.endswith(b"\n"):
+            if len(line) == _LONGEST_LINE:
+                raise EmulatorError(f"line {number} of {path} is too long for a wire log")
+            return
+        entry = _entry(path, number, line)
+        if entry.time > latest + _LONGEST_SILENCE and entry.what != "fault":
+            silence = entry.time - latest
+            raise EmulatorError(f"line {number} of {path} comes after {silence:g} s of silence")
+        latest = max(latest, entry.time) if entry.what != "fault" else latest
+        yield entry
 
 
-def _entry(values: dict[str, Any]) -> Entry:
-    what = str(values["what"])
-    settings = None
-    if what == "line":
-        settings = LineFormat(
-            int(values["baud"]), int(values["bits"]), str(values["parity"]), float(values["stop"])
-        )
-    data = str(values["data"]).encode("latin-1") if what in ("request", "reply") else b""
-    return Entry(float(values["t"]), what, data, settings)
-
-
-def _object(path: Path, number: int, line: str) -> dict[str, Any]:
+def _entry(path: Path, number: int, line: bytes) -> Entry:
+    values = _object(path, number, line)
+    kind = _KINDS.get(str(values.get("what")), _Moment)
     try:
-        values = json.loads(line)
+        given = kind.model_validate(values)
+        data = given.data.encode("latin-1") if isinstance(given, _Bytes) else b""
+    except ValidationError as error:
+        why = describe(error, kind)
+    except UnicodeEncodeError:
+        why = "data: a character is beyond U+00FF, and is no byte"
+    else:
+        settings = None
+        if isinstance(given, _Settings):
+            settings = LineFormat(given.baud, given.bits, given.parity, given.stop)
+        return Entry(given.t, given.what, data, settings)
+    raise EmulatorError(f"line {number} of {path} is no entry of a wire log: {why}")
+
+
+def _object(path: Path, number: int, line: bytes) -> dict[str, Any]:
+    try:
+        values = from_json(line, allow_inf_nan=False)
     except ValueError:
         values = None
     if not isinstance(values, dict):

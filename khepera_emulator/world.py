@@ -1,13 +1,14 @@
 """The PyBullet world: one physics client, an arena's solids, and what they look like."""
 
+from collections.abc import Iterator, Sequence
 from math import atan2
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from khepera_emulator.arena import Arena, Cylinder, Movable
+from khepera_emulator.arena import Arena, Cylinder, Lamp, Movable
 from khepera_emulator.geometry import FloorPlan, Scene, Surroundings
 from khepera_emulator.objects import Thing
 from khepera_emulator.solids import Box, Footprint
@@ -23,16 +24,23 @@ RAY_GROUP, SOLID_GROUP, BODY_GROUP, THING_GROUP, FLOOR_GROUP = 1, 2, 4, 8, 16
 """Collision groups: wheels and casters touch the floor only, bodies and things the rest. The first
 is that of PyBullet's rays, which cannot be changed."""
 
+_T = TypeVar("_T")
+
 _SUBSTEPS = round(CONTROL_PERIOD / PHYSICS_PERIOD)
 
 _MOST_PARTS = 16
-"""Shapes that one body may have: PyBullet crashes on more."""
+"""Shapes that one body may have, to touch or to look at: PyBullet crashes on more."""
 
 _BULB_RADIUS, _BULB_HEIGHT = 0.012, 0.075
 _BULB_COLOUR = (1.0, 0.95, 0.7, 1.0)
 
 _FLOOR_HALF = 11.0
 _FLOOR_THICKNESS = 0.1
+
+
+def _batched(parts: Sequence[_T], size: int) -> Iterator[Sequence[_T]]:
+    """Cut a sequence into pieces of a size; the last one may be shorter."""
+    return (parts[first : first + size] for first in range(0, len(parts), size))
 
 
 def hide(body: int, client: int, first: int = -1) -> None:
@@ -119,8 +127,12 @@ class World:
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
         pybullet.setTimeStep(PHYSICS_PERIOD, physicsClientId=self.client)
         self.floor = self._add_floor()
-        self.solids = self._add_solids()
-        self._add_bulbs()
+        # few bodies for everything that stands: the renderer's time grows with the bodies
+        parts = [_box_part(box) for box in self.plan.boxes]
+        parts += [_post_part(post) for post in arena.cylinder]
+        self.solids = [self._add_solid(each) for each in _batched(parts, _MOST_PARTS)]
+        for lamps in _batched(arena.lamp, _MOST_PARTS):
+            self._add_bulbs(lamps)
         self.things = [self._add_thing(part) for part in arena.object]
         self.movers: list[Footprint] = [thing.footprint for thing in self.things]
         self.robots: list[Shown] = []
@@ -196,16 +208,7 @@ class World:
         )
         return floor
 
-    def _add_solids(self) -> list[int]:
-        # few bodies for everything that stands: the renderer's time grows with the bodies
-        parts = [_box_part(box) for box in self.plan.boxes]
-        parts += [_post_part(post) for post in self.arena.cylinder]
-        return [
-            self._add_solid(parts[first : first + _MOST_PARTS])
-            for first in range(0, len(parts), _MOST_PARTS)
-        ]
-
-    def _add_solid(self, parts: list[_Part]) -> int:
+    def _add_solid(self, parts: Sequence[_Part]) -> int:
         """One body that stands still."""
         kinds = [part.kind for part in parts]
         halves = [part.halves for part in parts]
@@ -245,14 +248,13 @@ class World:
         )
         return solid
 
-    def _add_bulbs(self) -> None:
-        if not self.arena.lamp:
-            return
-        count = len(self.arena.lamp)
+    def _add_bulbs(self, lamps: Sequence[Lamp]) -> None:
+        """One body that is seen and does not touch anything."""
+        count = len(lamps)
         look = pybullet.createVisualShapeArray(
             shapeTypes=[pybullet.GEOM_SPHERE] * count,
             radii=[_BULB_RADIUS] * count,
-            visualFramePositions=[[*lamp.centre, _BULB_HEIGHT] for lamp in self.arena.lamp],
+            visualFramePositions=[[*lamp.centre, _BULB_HEIGHT] for lamp in lamps],
             rgbaColors=[_BULB_COLOUR] * count,
             physicsClientId=self.client,
         )

@@ -15,13 +15,15 @@ REQUEST_END: Final = re.compile(rb"[\r\n]")
 """A byte that ends a request."""
 
 _ENDS = (b"\r", b"\n")
+_NUL = b"\0"
 
 
 class RequestSplitter:
     """Cuts what a client sends into requests.
 
-    An empty line is no request, so that the LF of a CR LF does nothing, however late it comes. A
-    line longer than `limit` is dropped up to its end and handed on as `OVERFLOW`, which no
+    An empty line is no request, so that the LF of a CR LF does nothing, however late it comes. NUL
+    bytes are nothing, wherever they come: a break leaves one, and so does the end of a C string.
+    A line longer than `limit` is dropped up to its end and handed on as `OVERFLOW`, which no
     command matches.
     """
 
@@ -38,6 +40,8 @@ class RequestSplitter:
             The request that is complete now, without its line end.
         """
         line = self._line
+        if _NUL in data:
+            data = data.replace(_NUL, b"")
         if data[-1:] not in _ENDS:
             line += data[: self._limit + 1 - len(line)]
             return None

@@ -28,6 +28,8 @@ class Key:
         published: when samples are published; empty: never, it answers queries alone.
         answers: what a query gets; empty: nothing.
         request: model of a query's JSON payload, where it takes one.
+        acts: whether a query does something. Such a key answers only to queries on exactly this
+            key, not to wildcards, and only with a payload: to look around has no effects.
     """
 
     side: str
@@ -38,6 +40,7 @@ class Key:
     published: str = ""
     answers: str = ""
     request: type[Payload] | None = None
+    acts: bool = False
 
     @property
     def pattern(self) -> str:
@@ -53,10 +56,12 @@ def json_key(
     published: str,
     answers: str,
     request: type[Payload] | None = None,
+    *,
+    acts: bool = False,
 ) -> Key:
     """A key of JSON samples."""
     encoding = f"application/json;{schema_name(side, payload)}"
-    return Key(side, leaf, what, payload, (encoding,), published, answers, request)
+    return Key(side, leaf, what, payload, (encoding,), published, answers, request, acts)
 
 
 def schema_name(side: str, payload: type[Payload]) -> str:
@@ -91,6 +96,7 @@ EMULATOR_KEYS: Final = (
         "",
         "the truth after the reset",
         Reset,
+        acts=True,
     ),
     json_key(EMULATOR, "arena", "The arena from above.", Outline, "", "the arena as it is now"),
     json_key(

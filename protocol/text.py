@@ -4,6 +4,7 @@ Bytes of a serial line, names in a file and messages of a peer may hold escape s
 the cursor or change colours; documents may take all memory. Nothing is read from a file here.
 """
 
+import logging
 import tomllib
 from typing import Any, Final
 
@@ -31,6 +32,11 @@ def printable(text: str | bytes, limit: int | None = None) -> str:
     )
 
 
+def quoted(text: str, limit: int = 60) -> str:
+    """Return foreign text for an error message: in quotes, safe for a terminal and cut."""
+    return f"'{printable(text, limit)}'"
+
+
 def parse_toml(data: bytes) -> dict[str, Any]:
     """Parse a TOML document of bounded size.
 
@@ -49,3 +55,15 @@ def parse_toml(data: bytes) -> dict[str, Any]:
         # a number with more digits than Python converts is a plain ValueError with a long story
         what = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "a number is too long"
         raise DocumentError(printable(what, 300)) from None
+
+
+class PrintableFormatter(logging.Formatter):
+    """Formats log records so that a terminal obeys nothing in them; a message is one line."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - the base's name
+        """Format a record but for the traceback."""
+        return printable(super().formatMessage(record))
+
+    def formatException(self, ei: Any) -> str:  # noqa: N802 - the base's name
+        """Format a traceback, which has lines."""
+        return "\n".join(map(printable, super().formatException(ei).split("\n")))

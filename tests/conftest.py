@@ -1,6 +1,7 @@
 """Options of the tests."""
 
 import signal
+from collections import Counter
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -20,3 +21,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="write the transcripts in tests/golden anew; look at the difference before committing",
     )
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Show how many hostile inputs were tried; here, where a parallel run's end is heard."""
+    tried: Counter[str] = Counter()
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            for name, value in getattr(report, "user_properties", ()):
+                if name == "inputs tried":
+                    edge, number = value
+                    tried[edge] += number
+    if tried:
+        terminalreporter.section("hostile inputs")
+        width = max(len("edge"), *map(len, tried))
+        terminalreporter.write_line(f"{'edge':<{width}} | inputs tried")
+        for edge, number in sorted(tried.items()):
+            terminalreporter.write_line(f"{edge:<{width}} | {number:>12,}")

@@ -103,9 +103,9 @@ def wait_until_watched(session, *keys):
                 matches.get(timeout=PATIENCE)
 
 
-def ask(session, selector):
+def ask(session, selector, payload=None):
     """The only reply to a query."""
-    (reply,) = session.get(selector, timeout=PATIENCE)
+    (reply,) = session.get(selector, payload=payload, timeout=PATIENCE)
     return reply
 
 

@@ -6,6 +6,7 @@ from math import hypot
 import numpy as np
 import pybullet
 import pytest
+from worlds import gap_in, reachable
 
 from khepera_emulator.arena import arena_names, load_arena
 from khepera_emulator.cli import app
@@ -27,11 +28,6 @@ free = { points = [[0.0, 0.0], [0.1, 0.0]], half_width = 0.05 }
 [[wall]]
 points = [[0.5, -1.0], [0.5, 1.0]]
 """
-
-
-def gap_in(name, model=KHEPERA2):
-    plan = FloorPlan(load_arena(name))
-    return lambda pose: plan.clearance(pose.x, pose.y) - model.radius
 
 
 def test_the_arenas_that_come_with_the_package():
@@ -102,20 +98,6 @@ def test_widths(name, width):
         assert plan.clearance(x, y) == pytest.approx(width / 2)
 
 
-def reachable(name, model, step=0.01):
-    """Centres of squares of the floor that a robot's middle can get to from the start."""
-    arena, gap = load_arena(name), gap_in(name, model)
-    first = (round(arena.start.x / step), round(arena.start.y / step))
-    seen, border = {first}, [first]
-    while border:
-        i, j = border.pop()
-        for near in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
-            if near not in seen and gap(Pose(x=near[0] * step, y=near[1] * step, heading=0)) > 0:
-                seen.add(near)
-                border.append(near)
-    return {(i * step, j * step) for i, j in seen}
-
-
 @pytest.mark.parametrize(("name", "goal"), [("maze", (0.88, 0.72)), ("narrow-passage", (0.4, 0.0))])
 def test_both_robots_can_get_to_the_end(name, goal):
     places = reachable(name, KHEPERA2)
@@ -135,6 +117,90 @@ def test_arenas_are_listed_with_title_and_size(capsys):
     (line,) = [line for line in lines if line.startswith("open-box ")]
     assert line.split(maxsplit=1)[1] == "1.02 x 1.02 m  Open box of 1 m, one wall red"
     assert run(capsys, "open-box") == ["open-box  1.02 x 1.02 m  Open box of 1 m, one wall red"]
+
+
+def test_starts_are_checked_as_run_checks_them(tmp_path, capsys):
+    path = tmp_path / "own.toml"
+    box = "[[wall]]\npoints = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]\n"
+    text = GOOD.partition("[[wall]]")[0] + box
+    post = '[[object]]\nshape = "post"\nradius = 0.02\ncentre = [0.3, 0.3]\n'
+    for x, y in ((0.2, 0.2), (0.21, 0.2), (0.49, 0.0), (0.31, 0.3), (2.0, 0.0)):
+        post += f"[[starts]]\nx = {x}\ny = {y}\n"
+    path.write_text(text + post)
+    with pytest.raises(EmulatorError) as caught:
+        run(capsys, str(path))
+    there, outside = "something is there", "is outside the walls of the arena"
+    assert str(caught.value) == (
+        f"the arena '{path}': 4 mistakes:"
+        f" starts 2: no room for the robot at x=0.210 m, y=0.200 m: {there};"
+        f" starts 3: no room for the robot at x=0.490 m, y=0.000 m: {there};"
+        f" starts 4: no room for the robot at x=0.310 m, y=0.300 m: {there};"
+        f" starts 5: x=2.000 m, y=0.000 m {outside}"
+    )
+    path.write_text(text.replace("{ x = 0.0", "{ x = 0.49"))
+    with pytest.raises(EmulatorError, match="start: no room for the robot"):
+        run(capsys, str(path), "--draw", str(tmp_path / "arena.png"))
+    path.write_text(text.replace("half_width = 0.05", "half_width = 0.05, gap = 0.6"))
+    with pytest.raises(EmulatorError, match="free: no free place"):
+        run(capsys, str(path))
+
+
+def test_a_robot_that_is_too_wide_is_told(tmp_path, capsys):
+    path = tmp_path / "own.toml"
+    path.write_text(GOOD.replace("0.5, -1.0], [0.5, 1.0", "0.034, -1.0], [0.034, 1.0"))
+    with pytest.raises(EmulatorError, match=r"start: no room .*; free: no free place"):
+        run(capsys, str(path), "--model", "khepera2")
+
+
+PICTURES = {
+    "png": b"\x89PNG",
+    "JPG": b"\xff\xd8\xff",
+    "jpeg": b"\xff\xd8\xff",
+    "svg": b"<?xml",
+    "pdf": b"%PDF",
+}
+
+
+@pytest.mark.parametrize("suffix", PICTURES)
+def test_a_picture_is_what_its_name_says(tmp_path, capsys, suffix):
+    path = tmp_path / f"arena.{suffix}"
+    run(capsys, "open-box", "--draw", str(path))
+    assert path.read_bytes().startswith(PICTURES[suffix])
+
+
+@pytest.mark.parametrize(
+    ("path", "why"),
+    [
+        ("", "is a folder"),
+        (".", "is a folder"),
+        ("/", "is a folder"),
+        ("arena", "give a name that ends with .png, .jpg, .jpeg, .svg or .pdf"),
+        ("arena.gif", "give a name that ends with .png, .jpg, .jpeg, .svg or .pdf"),
+        ("/dev/full", "give a name that ends with"),
+        ("nowhere/arena.png", "there is no folder nowhere"),
+        ("/dev/null/arena.png", "there is no folder /dev/null"),
+        ("a" * 300 + ".png", "File name too long"),
+        ("a" * 300 + "/arena.png", "File name too long"),
+    ],
+)
+def test_a_picture_that_cannot_be_written_is_refused_before_it_is_drawn(
+    capsys, monkeypatch, path, why
+):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(EmulatorError, match="cannot write") as caught:
+        run(capsys, "maze", "--draw", path)
+    assert why in str(caught.value)
+
+
+def test_all_starts_are_drawn(tmp_path, capsys):
+    path = tmp_path / "own.toml"
+    path.write_text(GOOD.replace("A wall", "A $wall") + "[[starts]]\nx = -1.0\ny = 2.0\n")
+    run(capsys, str(path), "--draw", str(tmp_path / "arena.svg"))
+    drawn = (tmp_path / "arena.svg").read_text()
+    # each robot is a round body in white; glyphs stand with their text as a comment
+    assert drawn.count("fill: #ffffff; stroke: #000000") == 2
+    assert "<!-- 2 -->" in drawn
+    assert "<!-- A $wall -->" in drawn
 
 
 @pytest.mark.parametrize("name", ["lamp-room", "maze"])
@@ -172,16 +238,27 @@ def test_an_arena_of_ones_own(tmp_path):
         (("version = 1", "version = 2"), "version"),
         (("version = 1\n", ""), "version"),
         (("title", "titel"), "title"),
-        (("x = 0.0,", ""), "start.x"),
-        (("0.5, 1.0", "0.5, 11.0"), "wall.0.points"),
-        (("0.5, 1.0", "0.5, nan"), "wall.0.points"),
-        (("[0.5, -1.0], ", ""), "wall.0.points"),
+        (("title", "titel"), "there is no key 'titel'; did you mean 'title'?"),
+        (("x = 0.0,", ""), "start: the key 'x' is missing"),
+        (("0.5, 1.0", "0.5, 11.0"), "wall 1, points 2, number 2: 11.0 is more than 10"),
+        (("0.5, 1.0", "0.5, nan"), "wall 1, points 2, number 2: nan is not a finite number"),
+        (("0.5, 1.0", "0.5, true"), "wall 1, points 2, number 2: True is not a number"),
+        (("0.5, 1.0", "0.5"), "wall 1, points 2, number 2: it is missing"),
+        (("0.5, 1.0", "0.5, 1.0, 0.1"), "wall 1, points 2: there are more than 2"),
+        (("[0.5, -1.0], ", ""), "wall 1, points: there are 1, and 2 at least are needed"),
         (("0.5, -1.0", "0.5, 1.0"), "two points in a row are the same"),
-        (("half_width = 0.05", "half_width = 0.0"), "free.half_width"),
+        (("0.5, -1.0", "0.5, 0.9999"), "two points in a row are less than 1 mm apart"),
+        (("half_width = 0.05", "half_width = 0.0"), "free, half_width: 0.0 is less than 0.001"),
+        (('"A wall"', '"' + "x" * 201 + '"'), "title: it has more than 200 characters"),
         (("[0.1, 0.0]]", "[0.0, 0.0]]"), "two points in a row are the same"),
         (("[[wall]]", "colour = 3\n[[wall]]"), "colour"),
-        (("[[wall]]", "[[walls]]"), "walls"),
-        (("version = 1", "version ="), "not TOML"),
+        (("[[wall]]", "[[walls]]"), "there is no key 'walls'; did you mean 'wall'?"),
+        (("[[wall]]", "[wall]"), "wall: it is a single table; write its name in double brackets"),
+        (("version = 1", "version = 1.0"), "version: 1.0 is not a whole number"),
+        (("version = 1", "version ="), "not TOML: Invalid value (at line 2, column 10)"),
+        (("version = 1", "version = " + "9" * 5000), "not TOML: a number is too long"),
+        (("version = 1", "version = " + "[" * 5000), "not TOML: it is nested too deeply"),
+        (("version = 1", "#" * 1_000_000), "has more than 1,000,000 bytes"),
     ],
 )
 def test_a_wrong_arena_is_told_in_one_sentence(tmp_path, change, part):
@@ -194,17 +271,72 @@ def test_a_wrong_arena_is_told_in_one_sentence(tmp_path, change, part):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["nowhere", "", "a\0b", "/"])
+def test_all_mistakes_are_told_at_once(tmp_path):
+    path = tmp_path / "wrong.toml"
+    wall = "[[wall]]\npoints = [[0, 0], [1, 12]]\ncolor = [1, 0, 0]\nheight = -1\n"
+    path.write_text(GOOD.replace("title", "titel") + wall)
+    with pytest.raises(EmulatorError) as caught:
+        load_arena(str(path))
+    assert str(caught.value) == (
+        f"the arena '{path}': 4 mistakes: wall 2, points 2, number 2: 12 is more than 10;"
+        " wall 2, height: -1 is less than 0.001;"
+        " wall 2: there is no key 'color'; did you mean 'colour'?;"
+        " there is no key 'titel'; did you mean 'title'?"
+    )
+
+
+def test_very_many_mistakes_are_counted(tmp_path):
+    path = tmp_path / "wrong.toml"
+    path.write_text(GOOD + "".join(f"x{k} = 1\n" for k in range(100)))
+    with pytest.raises(EmulatorError, match=r"100 mistakes: .*; and 90 more$") as caught:
+        load_arena(str(path))
+    assert len(str(caught.value)) < 1500
+
+
+def test_what_a_terminal_would_obey_is_made_readable(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(GOOD.replace("A wall", "A \\u001b]0;wall\\u0007 \\u202e"))
+    assert load_arena(str(path)).title == r"A \x1b]0;wall\x07 \u202e"
+    path.write_text(GOOD + '"\\u001b[2J" = 1\n')
+    with pytest.raises(EmulatorError) as caught:
+        load_arena(str(path))
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("name", ["nowhere", "", "a\0b"])
 def test_an_unknown_arena_lists_the_known_ones(name):
     with pytest.raises(EmulatorError, match="unknown arena") as caught:
         load_arena(name)
     assert "corridor" in str(caught.value)
 
 
+def test_a_misspelt_arena_is_recognized():
+    with pytest.raises(EmulatorError, match="unknown arena 'maz': did you mean maze"):
+        load_arena("maz")
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("nowhere.toml", "No such file or directory"),
+        ("no/where", "No such file or directory"),
+        ("a" * 300, "File name too long"),
+        ("/", "is not a file"),
+        (".", "is not a file"),
+        ("/dev/zero", "is not a file"),
+        ("/proc/self/mem", "Input/output error"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_not_an_unknown_arena(name, why):
+    with pytest.raises(EmulatorError, match=why) as caught:
+        load_arena(name)
+    assert "unknown" not in str(caught.value)
+
+
 def test_a_file_that_is_no_text(tmp_path):
     path = tmp_path / "binary.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(EmulatorError, match="nor a readable TOML file"):
+    with pytest.raises(EmulatorError, match="is not TOML: byte 0 is not UTF-8 text"):
         load_arena(str(path))
 
 
@@ -221,13 +353,13 @@ def test_an_arena_with_a_thing(tmp_path):
 @pytest.mark.parametrize(
     ("change", "part"),
     [
-        (('"box"', '"cone"'), "object.0.shape"),
+        (('"box"', '"cone"'), "object 1, shape: 'cone' is not one of 'post', 'ball' or 'box'"),
         (('"box"', '"ball"'), "a ball has a radius and no size"),
         (("size = [0.04, 0.02]", "radius = 0.02"), "a box has a size"),
-        (("0.04, 0.02", "0.04"), "object.0.size"),
-        (("0.04, 0.02", "0.04, 0.0"), "object.0.size"),
-        (("centre = [0.2, 0.2]", ""), "object.0.centre"),
-        (("size", "mass = 0.0\nsize"), "object.0.mass"),
+        (("0.04, 0.02", "0.04"), "object 1, size 2: it is missing"),
+        (("0.04, 0.02", "0.04, 0.0"), "object 1, size 2: 0.0 is less than 0.005"),
+        (("centre = [0.2, 0.2]", ""), "object 1: the key 'centre' is missing"),
+        (("size", "mass = 0.0\nsize"), "object 1, mass: 0.0 is less than 0.001"),
     ],
 )
 def test_a_wrong_thing_is_told_in_one_sentence(tmp_path, change, part):

@@ -1,21 +1,26 @@
 """The emulator as a process on a real pseudo-terminal, with the habits of real clients."""
 
+import fcntl
 import os
+import resource
 import signal
+import socket
 import subprocess
 import sys
+import termios
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
 import serial
 from emulator_process import COMMAND, PATIENCE, EmulatorProcess, emulator, link_options
+from unprivileged import enter_from_outside
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.arena import load_arena
-from khepera_emulator.cli import main
+from khepera_emulator.cli.program import run
 from khepera_emulator.clock import Clock
 from khepera_emulator.daemon import Daemon, _Line
 from khepera_emulator.drift import PRESETS
@@ -127,6 +132,29 @@ class TestNetwork:
             with serial.serial_for_url(running.path, timeout=PATIENCE) as port:
                 assert ask(port, b"B\n") == VERSION
 
+    @pytest.mark.parametrize("baud", ["9600", "unpaced"])
+    def test_who_only_ends_the_sending_side_is_answered_all(self, baud):
+        """As `printf 'B\\nH\\n' | nc -N 127.0.0.1 4000` does."""
+        with emulator("--no-zenoh", "--tcp", "127.0.0.1:0", "--baud", baud) as running:
+            for _ in range(3):
+                with connection(running) as client:
+                    client.sendall(b"B\nH\n" * 3)
+                    client.shutdown(socket.SHUT_WR)
+                    assert client.makefile("rb").read() == (VERSION + b"h,0,0\r\n") * 3
+
+    def test_who_has_left_hours_behind_does_not_keep_the_line(self):
+        with emulator("--no-zenoh", "--tcp", "127.0.0.1:0", "--speed", "20") as running:
+            with connection(running) as client:
+                client.sendall(b"G,7,8\n" + b"N\n" * 1_500_000)
+            with connection(running) as client:
+                client.sendall(b"\nH\n")
+                assert client.makefile("rb").readline() == b"h,7,8\r\n"
+
+
+def connection(running):
+    host, _, port = running.path.rpartition("/")[2].rpartition(":")
+    return socket.create_connection((host, int(port)), PATIENCE)
+
 
 class TestWireTime:
     """Lower bounds only: a busy machine may always be late."""
@@ -234,12 +262,101 @@ class TestSameRobotAsInProcess:
 
 
 class TestEnd:
-    @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-    def test_signal_ends_it_cleanly(self, tmp_path, number):
+    @pytest.mark.parametrize(
+        ("number", "status"), [(signal.SIGTERM, 0), (signal.SIGHUP, 0), (signal.SIGINT, 130)]
+    )
+    def test_signal_ends_it_cleanly(self, tmp_path, number, status):
         running = EmulatorProcess(*link_options(tmp_path))
-        assert [entry.name for entry in sorted(tmp_path.iterdir())] == ["khepera", "khepera.lock"]
-        assert running.end(number) == (0, "")
+        assert [entry.name for entry in sorted(tmp_path.iterdir())] == [
+            ".khepera.khepera-emulator-lock",
+            "khepera",
+        ]
+        assert running.end(number) == (status, "")
         assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize(
+        ("number", "status"), [(signal.SIGTERM, 0), (signal.SIGHUP, 0), (signal.SIGINT, 130)]
+    )
+    @pytest.mark.parametrize("step", ["load_arena", "make_fleet", "open_port"])
+    def test_signal_ends_it_cleanly_before_it_is_ready(self, tmp_path, number, status, step):
+        """A signal that comes with one of the steps to a running robot."""
+        script = (
+            "import os, sys, khepera_emulator.cli.commands, khepera_emulator.emulator\n"
+            "from khepera_emulator.cli import main\n"
+            f"module = khepera_emulator.{'emulator' if step == 'make_fleet' else 'cli.commands'}\n"
+            f"do = module.{step}\n"
+            "def disturbed(*arguments, **options):\n"
+            f"    os.kill(os.getpid(), {int(number)})\n"
+            "    return do(*arguments, **options)\n"
+            f"module.{step} = disturbed\n"
+            "main()\n"
+        )
+        command = [sys.executable, "-c", script, "run", *link_options(tmp_path)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+        assert done.returncode == status
+        assert "Traceback" not in done.stderr
+        assert list(tmp_path.iterdir()) == []
+
+    def test_closed_terminal_does_not_end_what_nohup_started(self, tmp_path):
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        try:
+            running = EmulatorProcess(*link_options(tmp_path))
+        finally:
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        running.process.send_signal(signal.SIGHUP)
+        with connect(running) as port:
+            assert ask(port, b"B\n") == VERSION
+        assert running.end() == (0, "")
+
+    @pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1, 2)])
+    def test_closed_standard_files_do_no_harm(self, tmp_path, closed):
+        shell = 'exec "$0" "$@" ' + " ".join(f"{number}>&-" for number in closed)
+        options = (*link_options(tmp_path), "--log-level", "info", "--robots", "2")
+        process = subprocess.Popen(["sh", "-c", shell, *COMMAND, *options])
+        try:
+            for name in ("khepera-1", "khepera-2"):
+                with serial.Serial(awaited(tmp_path / name), timeout=PATIENCE) as port:
+                    assert ask(port, b"B\n") == VERSION
+                    assert ask(port, b"H\n") == b"h,0,0\r\n"
+            for number in closed:  # a library that prints does not print on the line
+                assert str(Path(f"/proc/{process.pid}/fd/{number}").readlink()) == os.devnull
+        finally:
+            process.terminate()
+            assert process.wait(PATIENCE) == 0
+        assert list(tmp_path.iterdir()) == []
+
+    def test_nobody_who_reads_what_it_says_does_no_harm(self, tmp_path):
+        reader, writer = os.pipe()
+        os.close(reader)
+        options = (*link_options(tmp_path), "--log-level", "info", "--robots", "2")
+        process = subprocess.Popen([*COMMAND, *options], stdout=writer, stderr=writer)
+        os.close(writer)
+        try:
+            with serial.Serial(awaited(tmp_path / "khepera-2"), timeout=PATIENCE) as port:
+                assert ask(port, b"B\n") == VERSION
+        finally:
+            process.terminate()
+            assert process.wait(PATIENCE) == 0
+
+    def test_a_thousand_descriptors_of_the_parent_do_no_harm(self, tmp_path):
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if hard < 1500:
+            pytest.skip("this system does not give so many")
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 1500), hard))
+        with ExitStack() as stack:
+            stack.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+            inherited = [stack.enter_context(Path(os.devnull).open()).fileno() for _ in range(1100)]
+            process = subprocess.Popen(
+                [*COMMAND, *link_options(tmp_path)], pass_fds=inherited, stdout=subprocess.PIPE
+            )
+        assert process.stdout.readline().startswith(b"khepera on ")
+        try:
+            with serial.Serial(str(tmp_path / "khepera"), timeout=PATIENCE) as port:
+                assert ask(port, b"B\n") == VERSION
+        finally:
+            process.terminate()
+            process.communicate(timeout=PATIENCE)
+        assert process.returncode == 0
 
     def test_client_is_told(self, tmp_path):
         running = EmulatorProcess(*link_options(tmp_path))
@@ -274,14 +391,67 @@ class TestEnd:
             assert ask(port, b"B\n") == VERSION
 
 
+def awaited(path):
+    """A link that is about to be made."""
+    deadline = time.monotonic() + PATIENCE
+    while not path.is_symlink():
+        assert time.monotonic() < deadline
+    return str(path)
+
+
+UNPRIVILEGED = """
+import sys
+import serial
+from unprivileged import give_up_root
+from khepera_emulator.arena import arena_names
+from khepera_emulator.cli import commands, program
+from khepera_emulator import daemon, emulator, side_channel, turrets
+arena_names()
+give_up_root()
+sys.exit(program.run())
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become nobody")
+class TestUnprivileged:
+    """An emulator whose user may not open what a client has taken for itself."""
+
+    def test_robot_lives_on_when_a_client_has_taken_its_terminal_for_ever(self, tmp_path):
+        enter_from_outside(tmp_path)
+        tmp_path.chmod(0o777)
+        link = tmp_path / "khepera"
+        process = subprocess.Popen(
+            [sys.executable, "-c", UNPRIVILEGED, "run", *link_options(tmp_path)],
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            first = process.stdout.readline().partition(" on ")[2].partition(",")[0]
+            with serial.Serial(first, timeout=PATIENCE) as port:
+                assert ask(port, b"G,7,8\n") == b"g\r\n"
+                fcntl.ioctl(port.fd, termios.TIOCEXCL)
+            deadline = time.monotonic() + PATIENCE
+            while str(link.readlink()) == first:
+                assert time.monotonic() < deadline
+            with serial.Serial(str(link), timeout=PATIENCE) as port:
+                assert ask(port, b"H\n") == b"h,7,8\r\n"
+        finally:
+            process.terminate()
+            _, said = process.communicate(timeout=PATIENCE)
+        assert process.returncode == 0
+        assert "unusable (Device or resource busy), as by TIOCEXCL: the line has moved to" in said
+        assert list(tmp_path.iterdir()) == []
+
+
 class TestCommandLine:
     @staticmethod
     def run(monkeypatch, capfd, *arguments):
         monkeypatch.setattr(sys, "argv", ["khepera-emulator", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
+        status = run()
         out, err = capfd.readouterr()
-        return ended.value.code, out, err
+        return status, out, err
 
     @pytest.mark.parametrize(
         ("options", "sentence"),

@@ -112,6 +112,17 @@ def test_commands_are_marked_as_such(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
+def test_every_block_closes(page):
+    begun = None
+    for number, line in enumerate(page.read_text("utf-8").splitlines(), 1):
+        if line.lstrip().startswith("```"):
+            within = f"line {number} begins a block within that of line {begun}"
+            assert begun is None or line.strip() == "```", within
+            begun = None if begun else number
+    assert begun is None, f"the block of line {begun} never closes"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
         assert (page.parent / target).exists(), target

@@ -10,7 +10,7 @@ from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 from test_side_channel import session, truth_of, wait_for
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator.cli import main
+from khepera_emulator.cli.program import run
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.ports.tcp import shifted
 from khepera_emulator.replay import replay
@@ -148,10 +148,9 @@ def test_what_cannot_be_is_told_in_one_sentence(monkeypatch, capfd, tmp_path, op
     monkeypatch.chdir(tmp_path)
     arguments = ["run", "--no-zenoh", "--robots", "2", *options]
     monkeypatch.setattr("sys.argv", ["khepera-emulator", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
+    status = run()
     said = capfd.readouterr().err
-    assert ended.value.code == 2
+    assert status == 2
     assert words in said
     assert said.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

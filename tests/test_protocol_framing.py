@@ -45,6 +45,25 @@ def test_the_longest_line_passes_and_a_longer_one_overflows():
     assert splitter.feed(b"\rH\r") == [RequestSplitter.OVERFLOW, b"H"]
 
 
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"N\n\0H\n",  # a C string with its end, or a break between requests
+        b"N\0\nH\0\n\0",
+        b"\0\0N\r\0\nH\r\n",
+        b"N\n" + bytes(1000) + b"H\n",
+    ],
+)
+def test_nul_bytes_are_nothing(data):
+    assert RequestSplitter().feed(data) == [b"N", b"H"]
+    bytewise = RequestSplitter()
+    assert [line for byte in data for line in bytewise.feed(bytes([byte]))] == [b"N", b"H"]
+
+
+def test_a_line_of_nul_bytes_is_no_request():
+    assert RequestSplitter().feed(b"\0\n\0\0\r\n") == []
+
+
 def test_clear_forgets_half_a_line():
     splitter = RequestSplitter()
     splitter.feed(b"D,1")

@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import select
 import struct
 import termios
 import tty
@@ -10,12 +11,14 @@ from pathlib import Path
 
 import pytest
 import serial
+from unprivileged import as_nobody, enter_from_outside
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort
 from khepera_emulator.ports.watch import CLOSED_WRITABLE
+from protocol.terminal_link import LOCK_TEXT, lock_beside
 
 MUCH = 4096
 
@@ -39,8 +42,8 @@ def client(port, flags=os.O_RDWR):
 def unread(terminal):
     data = b""
     with suppress(BlockingIOError):
-        while True:
-            data += os.read(terminal, 1 << 16)
+        while more := os.read(terminal, 1 << 16):
+            data += more
     return data
 
 
@@ -224,6 +227,20 @@ class TestClients:
             assert received(port) == [b"N\n"]
             port.write(b"fresh")
             assert unread(terminal) == b"fresh"
+
+    def test_that_write_and_leave_are_logged(self, port, caplog):
+        caplog.set_level("INFO")
+        for _ in range(2):
+            with client(port) as terminal:
+                os.write(terminal, b"N\n")
+                received(port)
+                os.write(terminal, b"O\n")
+                received(port)
+            received(port)
+        with client(port):
+            received(port)
+        said = [record.getMessage() for record in caplog.records]
+        assert said == [f"{port.url}: a client writes", f"{port.url}: it has left"] * 2
 
     def test_may_come_and_go_often(self, port):
         for turn in range(100):
@@ -445,20 +462,25 @@ class TestSettings:
             assert termios.tcgetattr(terminal)[:6] == settings[:6]
 
     @pytest.mark.parametrize("request_line", [b"", b"N\n"])
-    def test_bar_nobody_for_ever(self, port, request_line):
-        with client(port) as terminal:
-            # it would stay so when the client has left: only root could open it, perhaps not we
-            fcntl.ioctl(terminal, termios.TIOCEXCL)
-            assert is_exclusive(terminal)
-            os.write(terminal, request_line)
+    def test_bar_nobody_for_ever(self, request_line):
+        def check():
+            port = PtyPort()
+            with client(port) as terminal:
+                # it would stay so when the client has left: only root could open it, not we
+                fcntl.ioctl(terminal, termios.TIOCEXCL)
+                assert is_exclusive(terminal)
+                os.write(terminal, request_line)
+                received(port)
             received(port)
-        received(port)
-        with client(port) as terminal:
-            assert not is_exclusive(terminal)
-            os.write(terminal, b"D,0,0\n")
-            assert received(port) == [b"D,0,0\n"]
-            port.write(b"d\r\n")
-            assert unread(terminal) == b"d\r\n"
+            with client(port) as terminal:
+                assert not is_exclusive(terminal)
+                os.write(terminal, b"D,0,0\n")
+                assert received(port) == [b"D,0,0\n"]
+                port.write(b"d\r\n")
+                assert unread(terminal) == b"d\r\n"
+            port.close()
+
+        as_nobody(check)
 
     def test_modem_lines_flushes_and_breaks_do_no_harm(self, port):
         with client(port) as terminal:
@@ -468,6 +490,124 @@ class TestSettings:
             termios.tcsendbreak(terminal, 0)
             os.write(terminal, b"B\n")
             assert port.receive(MUCH) == [b"B\n"]
+
+
+class TestWhatAClientLeaves:
+    """A terminal that is of no use to the next client is put right, or left for another one."""
+
+    @pytest.mark.parametrize(
+        ("before", "how"), [(b"", "TCOOFF"), (b"N\n", "TCOOFF"), (b"N\n", "XOFF")]
+    )
+    def test_stopped_output_does_not_block_the_next(self, port, before, how):
+        with client(port) as terminal:
+            os.write(terminal, before)
+            received(port)
+            stop_output(port, terminal, how)
+            with pytest.raises(BlockingIOError):
+                os.write(terminal, b"x")
+        received(port)
+        with client(port) as terminal:
+            os.write(terminal, b"B\n")
+            assert received(port) == [b"B\n"]
+
+    @pytest.mark.parametrize("how", ["TCOOFF", "XOFF"])
+    @pytest.mark.parametrize("reads", [False, True])
+    def test_stopped_output_does_not_block_one_that_has_come_already(self, port, how, reads):
+        with client(port) as first:
+            os.write(first, b"N\n")
+            assert received(port) == [b"N\n"]
+            stop_output(port, first, how)
+            port.write(b"n\r\n")
+        with client(port) as second:
+            if reads:
+                os.read(second, 1)
+            received(port)
+            os.write(second, b"B\n")
+            assert received(port)[-1] == b"B\n"
+
+    @pytest.mark.parametrize("rate", [38400, 31250])
+    def test_exclusive_use_makes_the_line_move(self, tmp_path, rate):
+        link_path = tmp_path / "khepera"
+
+        def check():
+            with Link(link_path) as link:
+                port = PtyPort(link.point_to)
+                link.point_to(port.url)
+                first = port.url
+                with serial.Serial(port.url, rate) as theirs:
+                    theirs.write(b"N\n")
+                    assert received(port) == [b"N\n"]
+                    fcntl.ioctl(theirs.fd, termios.TIOCEXCL)
+                    with pytest.raises(OSError, match="busy"):
+                        os.open(port.url, os.O_RDWR | os.O_NOCTTY)
+                assert received(port) == [b""]
+                assert port.url != first
+                assert str(link_path.readlink()) == port.url
+                assert port.settings() == LineFormat(rate)
+                is_served(port)
+                port.close()
+
+        tmp_path.chmod(0o777)
+        enter_from_outside(tmp_path)
+        as_nobody(check)
+
+    def test_exclusive_use_by_one_that_followed_another_makes_the_line_move(self):
+        def check():
+            moved = []
+            port = PtyPort(moved.append)
+            with client(port) as first:
+                os.write(first, b"N\n")
+                assert received(port) == [b"N\n"]
+            with client(port) as second:
+                fcntl.ioctl(second, termios.TIOCEXCL)
+                os.write(second, b"B\n")
+                assert received(port) == [b"", b"B\n"]
+                port.write(b"b\r\n")
+                assert unread(second) == b"b\r\n"
+            assert received(port) == [b""]
+            assert moved == [port.url]
+            is_served(port)
+            port.close()
+
+        as_nobody(check)
+
+    def test_a_link_that_cannot_be_turned_is_no_end(self, caplog):
+        def moved(path):
+            raise EmulatorError(f"cannot turn the link to {path}")
+
+        def check():
+            port = PtyPort(moved)
+            with client(port) as first:
+                os.write(first, b"N\n")
+                received(port)
+                fcntl.ioctl(first, termios.TIOCEXCL)
+            assert received(port) == [b""]
+            assert f"cannot turn the link to {port.url}" in caplog.text
+            is_served(port)
+            port.close()
+
+        as_nobody(check)
+
+
+def stop_output(port, terminal, how):
+    if how == "TCOOFF":
+        termios.tcflow(terminal, termios.TCOOFF)
+    else:
+        settings = termios.tcgetattr(terminal)
+        settings[0] |= termios.IXON
+        termios.tcsetattr(terminal, termios.TCSANOW, settings)
+        port.write(b"\x13")
+    while select.select((), (terminal,), (), 0)[1]:
+        pass  # an XOFF takes a moment to get through
+
+
+def is_served(port):
+    with client(port) as terminal:
+        os.write(terminal, b"B\n")
+        assert received(port) == [b"B\n"]
+        port.write(b"b\r\n")
+        assert unread(terminal) == b"b\r\n"
+    assert received(port) == [b""]
 
 
 def is_exclusive(terminal):
@@ -492,15 +632,74 @@ class TestLink:
     def test_of_a_dead_emulator_is_taken_over(self, tmp_path):
         path = tmp_path / "khepera"
         path.symlink_to("/dev/pts/77")
-        (tmp_path / "khepera.lock").touch()
+        lock_beside(path).touch()
         with Link(path) as link:
             assert not path.is_symlink()  # terminal 77 may be anybody's by now
             link.point_to("/dev/pts/78")
             assert path.readlink() == Path("/dev/pts/78")
 
+    @pytest.mark.parametrize("name", ["Cargo.lock", "Cargo.{pid}", "Cargo"])
+    def test_takes_no_file_of_a_user_for_its_own(self, tmp_path, name):
+        mine = tmp_path / name.format(pid=os.getpid())
+        mine.write_text("precious")
+        link_path = tmp_path / ("Cargo" if mine.name != "Cargo" else "khepera")
+        with Link(link_path) as link:
+            link.point_to("/dev/pts/77")
+            link.point_to("/dev/pts/78")
+        assert [entry.name for entry in tmp_path.iterdir()] == [mine.name]
+        assert mine.read_text() == "precious"
+
+    def test_removes_no_lock_but_its_own(self, tmp_path):
+        path = tmp_path / "khepera"
+        with Link(path):
+            lock_beside(path).unlink()
+            lock_beside(path).write_text("precious")
+        assert lock_beside(path).read_text() == "precious"
+
+    @pytest.mark.parametrize("kind", ["file", "link", "folder", "pipe"])
+    def test_leaves_what_stands_where_its_lock_belongs(self, tmp_path, kind):
+        path = tmp_path / "khepera"
+        lock, mine = lock_beside(path), tmp_path / "mine"
+        mine.write_text("precious")
+        if kind == "file":
+            lock.write_text("precious")
+        elif kind == "link":
+            lock.symlink_to(mine)
+        elif kind == "folder":
+            lock.mkdir()
+        else:
+            os.mkfifo(lock)
+        before = lock.lstat()
+        with pytest.raises(EmulatorError, match="give another --link"):
+            Link(path)
+        assert os.path.samestat(lock.lstat(), before)
+        assert mine.read_text() == "precious"
+        assert not path.is_symlink()
+
+    def test_that_no_emulator_has_made_is_kept(self, tmp_path):
+        path = tmp_path / "khepera"
+        path.symlink_to("/dev/pts/77")
+        with pytest.raises(EmulatorError, match="that no emulator has made; give another --link"):
+            Link(path)
+        assert path.readlink() == Path("/dev/pts/77")
+        assert [entry.name for entry in tmp_path.iterdir()] == ["khepera"]
+
+    def test_says_in_its_lock_what_it_is(self, tmp_path):
+        path = tmp_path / "khepera"
+        with Link(path):
+            assert lock_beside(path).read_bytes() == LOCK_TEXT
+
+    @pytest.mark.parametrize("path", ["/", ".", "", "x" * 300, "x" * 250, "/proc/khepera"])
+    def test_that_cannot_be_is_refused_in_one_sentence(self, tmp_path, monkeypatch, path):
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(EmulatorError, match=r"give a path|give another --link") as refused:
+            Link(Path(path))
+        assert len(str(refused.value)) < 300
+        assert list(tmp_path.iterdir()) == []
+
     def test_is_taken_over_while_somebody_looks_who_holds_it(self, tmp_path, monkeypatch):
         path = tmp_path / "khepera"
-        with (tmp_path / "khepera.lock").open("w") as looking:
+        with lock_beside(path).open("w") as looking:
             fcntl.flock(looking, fcntl.LOCK_SH)
             monkeypatch.setattr("time.sleep", lambda _: fcntl.flock(looking, fcntl.LOCK_UN))
             with Link(path) as link:

@@ -1,14 +1,19 @@
 """Wire logs: written by a daemon, read back, played to robots, and what counts as a difference."""
 
 import json
+import re
 import sys
+from importlib import resources
+from pathlib import Path
 
 import pytest
 import serial
 from emulator_process import PATIENCE, emulator
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator.cli import main
+from khepera_emulator import wire_log
+from khepera_emulator.arena import load_arena
+from khepera_emulator.cli.program import run
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.replay import Difference, replay
@@ -72,7 +77,7 @@ class TestRecording:
         faults = [json.loads(line) for line in recorded.read_text().splitlines() if "flip" in line]
         assert faults[1]["what"] == "fault"
         assert faults[1]["direction"] in ("request", "reply")
-        times = [each.time for each in log.entries if each.what in ("request", "close")]
+        times = [each.time for each in log.entries]
         assert times == sorted(times)
 
     def test_played_in_virtual_time_gives_the_same_bytes(self, recorded):
@@ -80,6 +85,25 @@ class TestRecording:
         result = play(log, log.url)
         assert isinstance(result, int), str(result)
         assert result > 12
+
+    def test_of_a_line_that_takes_no_time_gives_the_same_bytes(self, tmp_path):
+        path = tmp_path / "wire.jsonl"
+        options = ("--baud", "unpaced", "--speed", "20")
+        with emulator("--no-zenoh", "--seed", "3", "--record", str(path), *options) as running:
+            for _ in range(2):
+                with serial.Serial(running.path, timeout=PATIENCE) as port:
+                    # while it moves every millisecond counts
+                    for request in (b"D,9,7\n", b"H\nE\n", b"C,50,90\n", b"K\nN\n") * 8:
+                        port.write(request)
+                        for _ in range(request.count(b"\n")):
+                            port.read_until(b"\n")
+                    port.write(b"H\nN\n")  # and leave
+        log = read_log(path)
+        result = play(log, log.url)
+        assert isinstance(result, int), str(result)
+        assert result >= 2 * 8 * 6
+        times = [each.time for each in log.entries]
+        assert times == sorted(times)
 
     def test_of_another_robot_differs(self, recorded):
         log = read_log(recorded)
@@ -120,12 +144,10 @@ class TestRecording:
             ("[1]\n", "line 1 of .* is no JSON object"),
             ("{}\n", "its first line names no khepera-wire-log"),
             ('{"format": "khepera-wire-log", "version": 2}\n', "this program reads version 1"),
-            ('{"format": "khepera-wire-log", "version": 1}\n{}\n', "line 2 of .* is no entry"),
-            (
-                '{"format": "khepera-wire-log", "version": 1}\n{"t": 1}\n',
-                "line 2 of .* is no entry",
-            ),
-            ("ä", "cannot read the wire log"),
+            ('{"format": "khepera-wire-log", "version": 1, "url": 3}\n', "its url is no text"),
+            ("ä", "line 1 of .* is no JSON object"),
+            ("[" * 99_000 + "\n", "line 1 of .* is no JSON object"),
+            ("\0" * 200_000, "line 1 of .* is no JSON object"),
         ],
     )
     def test_that_is_none_is_refused(self, tmp_path, text, why):
@@ -133,9 +155,58 @@ class TestRecording:
         with pytest.raises(EmulatorError, match=why):
             read_log(tmp_path / "log")
 
+    @pytest.mark.parametrize(
+        ("line", "why"),
+        [
+            ("", "is no JSON object"),
+            ("{}", "is no entry of a wire log: 2 mistakes: the key 't' is missing"),
+            ('{"t": 1}', "is no entry of a wire log: the key 'what' is missing"),
+            ('{"t": "1", "what": "close"}', "t: '1' is not a number"),
+            ('{"t": true, "what": "close"}', "t: True is not a number"),
+            ('{"t": NaN, "what": "close"}', "is no JSON object"),
+            ('{"t": 1e999, "what": "close"}', "is no"),
+            ('{"t": -1, "what": "close"}', "t: -1 is less than 0"),
+            ('{"t": 1e10, "what": "close"}', r"t: 10000000000.0 is more than 1e\+09"),
+            ('{"t": 9e8, "what": "close"}', r"comes after 9e\+08 s of silence"),
+            ('{"t": ' + "9" * 5000 + ', "what": "close"}', "is no"),
+            ('{"t": 1, "what": ["close"]}', "what: .* is not a text"),
+            ('{"t": 1, "what": "reply"}', "the key 'data' is missing"),
+            ('{"t": 1, "what": "reply", "data": "\\u0100"}', "no byte"),
+            ('{"t": 1, "what": "reply", "data": "\\ud800"}', "is no JSON object"),
+            ('{"t": 1, "what": "line", "baud": 9600}', "3 mistakes: the key 'bits' is missing"),
+            (
+                '{"t": 1, "what": "line", "baud": 0, "bits": 9, "parity": "X", "stop": 7}',
+                "4 mistakes: baud: 0 is less than 1; bits: 9 is more than 8; parity: 'X' is not",
+            ),
+            ('{"a": ' * 10_000, "is no JSON object"),
+            ('{"t": 1, "what": "reply", "data": "' + "x" * 100_000 + '"}', "is too long"),
+        ],
+    )
+    def test_that_is_damaged_is_read_up_to_the_damage(self, tmp_path, line, why):
+        with WireLog(tmp_path / "log", URL) as log:
+            log.request(0.5, b"B\n")
+        with (tmp_path / "log").open("a") as file:
+            file.write(line + '\n{"t": 2.0, "what": "close"}\n')
+        log = read_log(tmp_path / "log")
+        assert log.entries == (Entry(0.5, "request", b"B\n"),)
+        assert re.match(f"line 3 of .* {why}", log.damage), log.damage
+        assert log.damage.isprintable()
+
+    def test_that_never_ends_is_read_as_far_as_there_is_memory(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(wire_log, "_MOST_ENTRIES", 3)
+        with WireLog(tmp_path / "log", URL) as log:
+            for moment in range(5):
+                log.request(float(moment), b"B\n")
+        log = read_log(tmp_path / "log")
+        assert len(log.entries) == 2
+        assert "is longer than 3 lines" in log.damage
+
     def test_that_is_not_there_is_refused(self, tmp_path):
         with pytest.raises(EmulatorError, match="cannot read the wire log"):
             read_log(tmp_path / "log")
+        for path, why in (("/", "Is a dir"), (".", "Is a dir"), ("a" * 300, "too long")):
+            with pytest.raises(EmulatorError, match=f"cannot read the wire log .*{why}"):
+                read_log(Path(path))
         with pytest.raises(EmulatorError, match="cannot record to"):
             WireLog(tmp_path, URL)
 
@@ -148,7 +219,17 @@ class TestRecording:
             port.write(b"B\n")
             assert port.readline() == b"&#%b,5.02,5.01\r\n"
 
+    @pytest.mark.parametrize("name", ["a#b", "a?b=1&c", "100%", "%41", "a b", "ä", "a;b", "[x"])
+    def test_names_an_arena_by_its_path_whatever_is_in_it(self, tmp_path, name):
+        arena = tmp_path / f"{name}.toml"
+        arena.write_text(f"{MAZE}")
+        url = robot_url(str(arena), [("seed", "3")])
+        with serial.serial_for_url(url, timeout=1) as port:
+            assert port.emulator.setup.arena.title == load_arena("maze").title
+            assert port.emulator.setup.seed == 3
 
+
+MAZE = (resources.files("khepera_emulator") / "arenas" / "maze.toml").read_text("utf-8")
 VERSION = b"b,5.01,5.00\r\n"
 
 
@@ -229,10 +310,9 @@ class TestCommand:
     @staticmethod
     def run(monkeypatch, capfd, *arguments):
         monkeypatch.setattr(sys, "argv", ["khepera-emulator", "replay", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
+        status = run()
         out, err = capfd.readouterr()
-        return ended.value.code, out, err
+        return status, out, err
 
     @pytest.fixture
     def file(self, tmp_path):
@@ -250,6 +330,75 @@ class TestCommand:
     def test_ends_with_zero_when_equal(self, monkeypatch, capfd, file):
         status, out, _ = self.run(monkeypatch, capfd, file, "--ignore", "N,H")
         assert (status, out) == (0, "1 reply lines equal\n")
+
+    def test_plays_what_stands_before_the_damage_and_says_so(self, monkeypatch, capfd, tmp_path):
+        path = tmp_path / "wire.jsonl"
+        with WireLog(path, URL) as log:
+            log.request(0.0, b"B\n")
+            log.reply(0.5, VERSION)
+        with path.open("a") as file:
+            file.write('{"t": 1.0, "what": "requ\n{"t": 2.0, "what": "close"}\n')
+        status, out, err = self.run(monkeypatch, capfd, path)
+        assert (status, out) == (2, "1 reply lines equal\n")
+        assert err == (
+            f"khepera-emulator: line 4 of {path} is no JSON object: no wire log; only what stands"
+            " before was replayed\n"
+        )
+
+    @pytest.mark.parametrize(
+        "url",
+        [
+            "",
+            "{folder}/khepera",
+            "loop://",
+            "spy://khepera://corridor?file={folder}/precious",
+            "spy://loop://?file={folder}/precious",
+            "alt://khepera?class=PosixPollSerial",
+            "socket://127.0.0.1:1",
+            "KHEPERA://corridor",
+            " khepera://corridor",
+            "khepera.ports.protocol_khepera://corridor",
+            "khepera://corridor?file={folder}/precious",
+            "khepera://corridor?record={folder}/precious&link={folder}/precious",
+            "khepera://corridor\x1b[2J",
+            "khepera://corridor?\x1b[2J=1",
+        ],
+    )
+    def test_opens_nothing_but_emulated_robots_that_a_log_names(
+        self, monkeypatch, capfd, tmp_path, url
+    ):
+        precious = tmp_path / "precious"
+        precious.write_text("precious")
+        path = tmp_path / "wire.jsonl"
+        with WireLog(path, url.format(folder=tmp_path)) as log:
+            log.request(0.0, b"B\n")
+        status, out, err = self.run(monkeypatch, capfd, path)
+        assert (status, out) == (2, "")
+        assert err.count("\n") == 1
+        assert err[:-1].isprintable()
+        assert precious.read_text() == "precious"
+        assert sorted(each.name for each in tmp_path.iterdir()) == ["precious", "wire.jsonl"]
+
+    def test_plays_a_run_in_an_arena_with_a_name_of_any_kind(self, monkeypatch, capfd, tmp_path):
+        arena, log = tmp_path / "my #1?arena=100%.toml", tmp_path / "wire.jsonl"
+        arena.write_text(MAZE)
+        with (
+            emulator("--no-zenoh", "--arena", str(arena), "--record", str(log)) as running,
+            serial.Serial(running.path, timeout=PATIENCE) as port,
+        ):
+            port.write(b"B\n")
+            assert port.readline() == VERSION
+        status, out, err = self.run(monkeypatch, capfd, log)
+        assert (status, out) == (0, "1 reply lines equal\n"), err
+
+    def test_plays_a_log_with_a_strangers_url_to_a_port_of_ones_own(
+        self, monkeypatch, capfd, tmp_path
+    ):
+        path = tmp_path / "wire.jsonl"
+        with WireLog(path, "spy://loop://?file=/tmp/x") as log:
+            log.request(0.0, b"B\n")
+            log.reply(0.5, VERSION)
+        assert self.run(monkeypatch, capfd, path, "--port", URL)[0] == 0
 
     @pytest.mark.parametrize("url", ["/nowhere", "khepera://nowhere", "what://is"])
     def test_port_that_is_none_is_one_sentence(self, monkeypatch, capfd, file, url):

@@ -10,6 +10,7 @@ from macor_hil.errors import LinkError, RobotError, RobotResetError, SilenceErro
 from macor_hil.line import LONGEST_REPLY, PATIENCE, Line, longest_reply, open_port, time_limit
 from macor_hil.robot import Khepera
 from protocol.messages import build_request
+from protocol.terminal_link import LOCK_TEXT, lock_beside
 
 STOPPED = b"d\r\n"
 RESTING = b"e,0,0\r\n"
@@ -385,7 +386,7 @@ def link(tmp_path):
     master, slave = os.openpty()
     path = tmp_path / "robot"
     path.symlink_to(os.ttyname(slave))
-    (tmp_path / "robot.lock").touch()
+    lock_beside(path).write_bytes(LOCK_TEXT)
     yield path
     os.close(slave)
     os.close(master)
@@ -396,14 +397,31 @@ def test_behind_the_link_of_an_emulator_that_has_gone_may_be_anybody(link):
         open_port(str(link))
 
 
+def test_behind_a_link_to_such_a_link_may_be_anybody(link, tmp_path):
+    (tmp_path / "mine").symlink_to(link.name)
+    with pytest.raises(LinkError, match=r"the emulator behind the link .*mine has gone"):
+        open_port(str(tmp_path / "mine"))
+
+
+def test_a_file_of_somebody_else_in_the_place_of_a_lock_says_nothing(link):
+    lock_beside(link).write_text("my own")
+    open_port(str(link)).close()
+
+
+def test_a_link_in_a_circle_is_no_port(tmp_path):
+    (tmp_path / "circle").symlink_to("circle")
+    with pytest.raises(LinkError, match="cannot open the serial port"):
+        open_port(str(tmp_path / "circle"))
+
+
 def test_a_link_whose_emulator_lives_is_opened(link):
-    with link.with_name("robot.lock").open() as lock:
+    with lock_beside(link).open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         open_port(str(link)).close()
 
 
 def test_a_link_of_somebody_else_is_opened(link):
-    link.with_name("robot.lock").unlink()
+    lock_beside(link).unlink()
     open_port(str(link)).close()
 
 

@@ -1,6 +1,7 @@
 """Camera, ground truth and reset over Zenoh, as another process sees them."""
 
 import json
+import os
 import subprocess
 from contextlib import contextmanager
 from math import isclose
@@ -15,6 +16,7 @@ from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 
 from khepera_emulator.arena import load_arena
 from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.side_channel import SideChannel
 from khepera_emulator.wire_tap import MOST_ENTRIES, WireTap
 from protocol.mirror import Mirror
 from protocol.side_channel import Outline, Stamp, Truth, Wire
@@ -80,6 +82,27 @@ def stamp_of(sample):
 
 def decode(sample):
     return cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_COLOR)
+
+
+class TestLifetime:
+    def test_a_channel_beside_another_goes_alone(self, tmp_path):
+        """Its descriptor may be another file's by the time that somebody asks for it."""
+        place = free_endpoint()
+        log = tmp_path / "log"
+        with (
+            log.open("w") as other,
+            SideChannel("first", [place]) as first,
+            session(connect=[place]) as peer,
+        ):
+            with SideChannel("second", [], beside=first) as second:
+                wait_for(peer, "khepera/second/alive")
+                descriptor = second.fileno()
+            os.dup2(other.fileno(), descriptor)
+            assert list(peer.get("khepera/second/truth", timeout=PATIENCE)) == []
+            assert list(peer.liveliness().get("khepera/second/alive", timeout=PATIENCE)) == []
+            second._wake.ring()
+            os.close(descriptor)
+        assert log.read_bytes() == b""
 
 
 class TestCamera:
@@ -155,10 +178,30 @@ class TestReset:
         assert truth.pose.model_dump() == pytest.approx(wanted)
         assert truth_of(sample_of(peer, "truth")).pose == truth.pose
 
-    @pytest.mark.parametrize("payload", [None, "{}"])
-    def test_goes_to_the_start_by_default(self, peer, payload):
-        pose = truth_of(sample_of(peer, "reset", payload)).pose
+    def test_goes_to_the_start_by_default(self, peer):
+        pose = truth_of(sample_of(peer, "reset", "{}")).pose
         assert (pose.x, pose.y) == (START.x, START.y)
+
+    @pytest.mark.parametrize("payload", [None, ""])
+    def test_takes_a_payload_that_says_so(self, peer, payload):
+        assert refusal_of(peer, "reset", payload) == (
+            "khepera/khepera/reset takes a payload that says what to do, if only {}: a Reset in"
+            " JSON, see docs/keys.md"
+        )
+
+    @pytest.mark.parametrize(
+        "selector", ["khepera/**", "**", "khepera/*/reset", "khepera/khepera/re$*"]
+    )
+    @pytest.mark.parametrize("payload", [None, "{}"])
+    def test_does_not_come_from_a_look_around(self, peer, selector, payload):
+        wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
+        sample_of(peer, "reset", json.dumps({"pose": wanted}))
+        replies = list(peer.get(selector, payload=payload, timeout=PATIENCE))
+        told = {str(reply.ok.key_expr) for reply in replies if reply.ok}
+        assert "khepera/khepera/reset" not in told
+        assert all(reply.ok for reply in replies)
+        assert ("khepera/khepera/truth" in told) == ("re" not in selector)
+        assert truth_of(sample_of(peer, "truth")).pose.model_dump() == pytest.approx(wanted)
 
     def test_with_a_seed_depends_on_nothing_before(self, peer):
         request = json.dumps({"seed": 7, "random": True})
@@ -177,12 +220,27 @@ class TestReset:
             ('{"pose": {"x": 0.3}}', "pose.y: Field required"),
             ('{"seed": -1}', "seed: Input should be greater"),
             ("[]", "the payload: Input should be"),
+            ('{"pose": {"x": 1e8, "y": 0, "heading": 0}}', "x=1e+08 m, y=0 m is in no arena"),
+            ('{"pose": {"x": 0, "y": -11, "heading": 0}}', "x=0 m, y=-11 m is in no arena"),
+            ('{"pose": {"x": 0.3, "y": 0, "heading": 1e8}}', "the heading 1e+08 is no angle"),
+            ('{"pose": {"x": 0.3, "y": 0.6, "heading": 0}}', "x=0.300 m, y=0.600 m is outside the"),
+            ('{"pose": {"x": 9, "y": 9, "heading": 0}, "seed": 1}', "x=9.000 m, y=9.000 m is outs"),
+            ('{"\\u001b[31m": 1}', r"\x1b[31m: Extra inputs"),
+            (" " * 20_000, "the payload has 20,000 bytes, and 10,000 at most are read"),
         ],
     )
     def test_refuses_clearly_and_changes_nothing(self, peer, payload, sentence):
-        before = truth_of(sample_of(peer, "reset"))
+        before = truth_of(sample_of(peer, "reset", "{}"))
         assert refusal_of(peer, "reset", payload).startswith(sentence)
         assert truth_of(sample_of(peer, "truth")).pose == before.pose
+
+    @pytest.mark.parametrize("field", ["x", "y", "heading"])
+    @pytest.mark.parametrize("value", ["1e308", "-1e155", "1e400", "NaN"])
+    def test_numbers_beyond_all_bounds_do_not_end_the_emulator(self, peer, field, value):
+        pose = {"x": "0.3", "y": "0.0", "heading": "0.0", field: value}
+        fields = ", ".join(f'"{name}": {number}' for name, number in pose.items())
+        assert refusal_of(peer, "reset", f'{{"pose": {{{fields}}}}}')
+        assert decode(sample_of(peer, "camera")) is not None
 
 
 class TestTogether:

@@ -169,11 +169,137 @@ class TestClients:
             port.close()
             all_of(connection)
 
+    @KINDS
+    def test_that_end_their_sending_side_have_the_line_until_all_is_said(self, port):
+        with client(port) as connection:
+            connection.sendall(b"B\n")
+            connection.shutdown(socket.SHUT_WR)
+            assert received(port, 2) == [b"B\n"]
+            assert port.receive(MUCH, answered=False) == []
+            port.write(b"b\r\n")
+            assert port.receive(MUCH, answered=False) == []
+            assert received(port, 1) == [b""]
+            assert all_of(connection).endswith(b"b\r\n")
+
+    def test_that_only_listen_give_way_to_another_one(self, port, monkeypatch):
+        monkeypatch.setattr(tcp, "GRACE", 0.0)
+        with client(port) as first:
+            first.sendall(b"B\n")
+            first.shutdown(socket.SHUT_WR)
+            assert received(port, 2) == [b"B\n"]
+            assert port.receive(MUCH, answered=False) == []
+            with client(port) as second:
+                second.sendall(b"H\n")
+                assert select.select(port.descriptors(room=True, answered=False), (), (), PATIENCE)[
+                    0
+                ]
+                chunks = port.receive(MUCH, answered=False)
+                chunks += received(port, 3 - sum(len(each) or 1 for each in chunks))
+                assert chunks == [b"", b"H\n"]
+                assert all_of(first) == b""
+                port.write(b"h\r\n")
+                assert exactly(second, 3) == b"h\r\n"
+
+    @KINDS
+    def test_that_left_much_behind_do_not_keep_the_line(self, port):
+        much = b"N\n" * 1_500_000  # an hour at 9600
+
+        def write_and_leave():
+            with client(port) as first:
+                first.sendall(much)
+
+        thread = threading.Thread(target=write_and_leave)
+        thread.start()
+        chunks = []
+        while thread.is_alive():  # the line has room for nothing of it
+            chunks += port.receive(0, answered=False)
+        with client(port) as second:
+            while b"" not in chunks:
+                chunks += port.receive(0, answered=False)
+            *rest, _ = chunks
+            # who has not read all that came breaks the connection, and what is on it may be lost
+            assert rest == [much] if type(port) is TcpPort else much.startswith(b"".join(rest))
+            second.sendall(b"H\n")
+            assert received(port, 2) == [b"H\n"]
+        thread.join(PATIENCE)
+
+    def test_that_write_without_end_are_held_back(self, port, monkeypatch):
+        monkeypatch.setattr(tcp, "_AHEAD", 100_000)
+        with client(port) as connection:
+            connection.setblocking(False)
+            admitted(port)
+            sent = 0
+            while True:
+                try:
+                    sent += connection.send(b"N\n" * 1000)
+                except BlockingIOError:
+                    if not select.select(port.descriptors(room=False), (), (), 0.1)[0]:
+                        break
+                port.receive(0)
+            assert len(port._ahead) < 200_000
+            assert sent > 100_000
+            taken = 0
+            while taken < sent:  # nothing is lost
+                [chunk] = received(port, 1, 3000)
+                taken += len(chunk)
+
+    def test_that_wrote_too_much_give_way_to_another_one(self, port, monkeypatch):
+        monkeypatch.setattr(tcp, "_AHEAD", 1000)
+        monkeypatch.setattr(tcp, "GRACE", 0.0)
+        with client(port) as first:
+            first.sendall(b"N\n" * 50_000)
+            while len(port._ahead) < 1000:
+                assert port.receive(0, answered=False) == []
+            with client(port) as second:
+                second.sendall(b"H\n")
+                chunks = []
+                while b"" not in chunks:
+                    chunks += port.receive(0, answered=False)
+                assert received(port, 2) == [b"H\n"]
+
     def test_may_come_and_go_often(self, port):
         for turn in range(100):
             with client(port) as connection:
                 connection.sendall(b"%03d\n" % turn)
             assert received(port, 5) == [b"%03d\n" % turn, b""]
+
+
+class TestLog:
+    """At the level `info` it is told who comes and goes, and what is refused."""
+
+    def test_tells_who_comes_and_goes_and_who_is_turned_away(self, port, monkeypatch, caplog):
+        monkeypatch.setattr(tcp, "GRACE", 0.0)
+        caplog.set_level("INFO")
+        with client(port) as first:
+            admitted(port)
+            with client(port) as second:
+                admitted(port)
+                names = ["{}:{}".format(*each.getsockname()) for each in (first, second)]
+        assert received(port, 1) == [b""]
+        assert [record.getMessage() for record in caplog.records] == [
+            f"{port.url}: {names[0]} has the line",
+            f"{port.url}: {names[1]} turned away: {names[0]} has the line",
+            f"{port.url}: {names[0]} has left",
+        ]
+
+    @pytest.mark.parametrize("port", [Rfc2217Port], indirect=True)
+    @pytest.mark.parametrize(
+        ("data", "told"),
+        [
+            (rfc2217.SET_BAUDRATE + b"\xfe" * 4, "wants a rate of 4278124286, which is refused"),
+            (rfc2217.SET_DATASIZE + b"\x63", "wants 99 data bits, which is refused"),
+            (rfc2217.SET_PARITY + b"\x63", "wants the option 2c 03 63, which is refused"),
+        ],
+    )
+    def test_tells_which_settings_are_refused(self, port, caplog, data, told):
+        caplog.set_level("INFO")
+        with client(port) as connection:
+            option = setting(data[:1], data[1:].replace(b"\xff", b"\xff\xff"))
+            connection.sendall(option * 100 + b"B\n")
+            assert received(port, 2) == [b"B\n"]
+            name = "{}:{}".format(*connection.getsockname())
+        told_all = [each.getMessage() for each in caplog.records if "refused" in each.getMessage()]
+        assert told_all == [f"{port.url}: {name} {told}"] * 20
 
 
 IAC_SB = rfc2217.IAC + rfc2217.SB
@@ -274,6 +400,49 @@ class TestTelnet:
             data += all_of(connection)
         assert data[start:] == b"\xff" * (2 * kept) + b"x"
 
+    def test_settings_are_seen_behind_bytes_that_wait(self, port):
+        with client(port) as connection:
+            admitted(port)
+            connection.sendall(b"N\n" * 50_000)
+            connection.sendall(setting(rfc2217.SET_BAUDRATE, (38400).to_bytes(4, "big")))
+            while port.settings().baud != 38400:
+                assert select.select(port.descriptors(room=False), (), (), PATIENCE)[0]
+                assert port.receive(0) == []
+            assert port.receive(4) == [b"N\nN\n"]
+
+    @pytest.mark.parametrize(
+        ("what", "rest"),
+        [
+            (rfc2217.PURGE_TRANSMIT_BUFFER, b""),
+            (rfc2217.PURGE_BOTH_BUFFERS, b""),
+            (rfc2217.PURGE_RECEIVE_BUFFER, b"N\nO\n"),
+        ],
+    )
+    def test_what_waits_can_be_taken_back(self, port, what, rest):
+        with client(port) as connection:
+            data = b"N\nO\n" + setting(rfc2217.PURGE_DATA, what) + b"B\n"
+            assert self.taken(port, connection, data) == rest + b"B\n"
+
+    @pytest.mark.parametrize(
+        ("pieces", "meant"),
+        [
+            ((b"B\r\0H\r\0",), b"B\rH\r"),
+            ((b"B\r", b"\0H\r\n"), b"B\rH\r\n"),
+            ((b"B\r", b"\0\0"), b"B\r\0"),
+            ((b"B\r" + rfc2217.IAC + rfc2217.NOP, b"\0H\n"), b"B\rH\n"),
+            ((b"B\n\0",), b"B\n\0"),
+            ((rfc2217.IAC + rfc2217.WILL + rfc2217.BINARY, b"B\r\0"), b"B\r\0"),
+        ],
+    )
+    def test_a_nul_behind_a_return_is_dropped_unless_the_line_is_binary(self, port, pieces, meant):
+        with client(port) as connection:
+            admitted(port)
+            for piece in pieces:
+                connection.sendall(piece)
+                while select.select([port._client], (), (), 0.05)[0]:
+                    port.receive(0)
+            assert self.taken(port, connection, b"") == meant
+
     @pytest.mark.filterwarnings("ignore::DeprecationWarning")
     def test_pyserial_opens_it(self, port):
         """The whole of pySerial's negotiation, with its own client."""
@@ -310,10 +479,25 @@ class TestAddress:
     def test_is_host_and_port(self, text, parts):
         assert tcp_address(text) == parts
 
-    @pytest.mark.parametrize("text", ["", "4000", ":4000", "host:", "host:x", "h:65536", "h:-1"])
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "",
+            "4000",
+            ":4000",
+            "host:",
+            "host:x",
+            "h:65536",
+            "h:-1",
+            "h:" + "1" * 5000,
+            "\x1b" * 999,
+        ],
+    )
     def test_is_nothing_else(self, text):
-        with pytest.raises(EmulatorError, match="give HOST:PORT"):
+        with pytest.raises(EmulatorError, match="give HOST:PORT") as refused:
             tcp_address(text)
+        assert str(refused.value).isprintable()
+        assert len(str(refused.value)) < 350
 
     @pytest.mark.parametrize("address", ["0.0.0.0:0", "[::]:0"])
     def test_beyond_this_machine_has_to_be_allowed(self, address):
@@ -332,6 +516,11 @@ class TestAddress:
     def test_of_nobody_is_refused(self):
         with pytest.raises(EmulatorError, match="no address nowhere"):
             TcpPort("nowhere.invalid:1")
+
+    @pytest.mark.parametrize("host", ["x" * 64, "a..b", "x" * 300])
+    def test_with_a_label_that_is_none_is_refused(self, host):
+        with pytest.raises(EmulatorError, match=r"no address [a-x.]{4,60}…?"):
+            TcpPort(f"{host}:1")
 
 
 class TestChoice:

@@ -1,12 +1,13 @@
 """Text from outside: safe for a terminal, and parsed within bounds."""
 
 import contextlib
+import logging
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.text import MAX_DOCUMENT, DocumentError, parse_toml, printable
+from protocol.text import MAX_DOCUMENT, DocumentError, PrintableFormatter, parse_toml, printable
 
 
 @pytest.mark.parametrize(
@@ -59,3 +60,16 @@ def test_toml_that_cannot_be_parsed_says_why(data: bytes, reason: str) -> None:
 def test_damaged_toml_raises_nothing_else(data: bytes) -> None:
     with contextlib.suppress(DocumentError):
         parse_toml(data)
+
+
+def test_logs_show_what_a_terminal_would_obey():
+    formatter = PrintableFormatter("%(levelname)s: %(message)s")
+    try:
+        raise ValueError("\x1b[31m\rred")
+    except ValueError as error:
+        record = logging.LogRecord("x", logging.ERROR, "", 0, "a\nb %s", ("\x1b]0;t\x07",), None)
+        record.exc_info = (type(error), error, error.__traceback__)
+    first, *trace = formatter.format(record).split("\n")
+    assert first == r"ERROR: a\nb \x1b]0;t\x07"
+    assert trace[-1] == r"ValueError: \x1b[31m\rred"
+    assert all(line.isprintable() for line in trace)

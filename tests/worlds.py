@@ -1,6 +1,9 @@
 """Arenas for tests, made in place."""
 
-from khepera_emulator.arena import Arena
+from khepera_emulator.arena import Arena, load_arena
+from khepera_emulator.geometry import FloorPlan
+from khepera_emulator.models import KHEPERA2
+from protocol.side_channel import Pose
 
 
 def arena(**parts) -> Arena:
@@ -14,3 +17,22 @@ def arena(**parts) -> Arena:
             **parts,
         }
     )
+
+
+def gap_in(name, model=KHEPERA2):
+    plan = FloorPlan(load_arena(name))
+    return lambda pose: plan.clearance(pose.x, pose.y) - model.radius
+
+
+def reachable(name, model, step=0.01):
+    """Centres of squares of the floor that a robot's middle can get to from the start."""
+    arena, gap = load_arena(name), gap_in(name, model)
+    first = (round(arena.start.x / step), round(arena.start.y / step))
+    seen, border = {first}, [first]
+    while border:
+        i, j = border.pop()
+        for near in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            if near not in seen and gap(Pose(x=near[0] * step, y=near[1] * step, heading=0)) > 0:
+                seen.add(near)
+                border.append(near)
+    return {(i * step, j * step) for i, j in seen}

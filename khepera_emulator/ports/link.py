@@ -1,14 +1,22 @@
-"""A name for a pseudo-terminal: a symbolic link that one emulator at a time may hold."""
+"""A name for a pseudo-terminal: a symbolic link that one emulator at a time may hold.
+
+Files of others are left alone: a link is replaced only if an emulator's lock stands beside it, and
+nothing is removed but what this process has made or an emulator that is gone has left behind.
+"""
 
 import fcntl
 import os
+import secrets
+import stat
 import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
 from khepera_emulator.errors import EmulatorError
-from protocol.terminal_link import lock_beside
+from khepera_emulator.paths import check_name
+from protocol.terminal_link import LOCK_TEXT, lock_beside
+from protocol.text import printable
 
 _TERMINALS = Path("/dev/pts")
 
@@ -31,11 +39,12 @@ class Link:
     """
 
     def __init__(self, path: Path) -> None:
+        check_name("--link", path)
         self.path = path
         self._target: str | None = None
         self._lock_path = lock_beside(path)
-        self._check_free()
         try:
+            self._check_free()
             path.parent.mkdir(parents=True, exist_ok=True)
             self._lock = self._take_lock()
             # what its last holder left behind may lead to somebody else's terminal by now
@@ -43,7 +52,8 @@ class Link:
                 path.unlink()
         except OSError as error:
             raise EmulatorError(
-                f"cannot make the link {path}: {error.filename}: {error.strerror}"
+                f"cannot make the link {printable(str(path), 100)}: {error.strerror};"
+                " give another --link"
             ) from None
 
     def __enter__(self) -> Self:
@@ -54,53 +64,84 @@ class Link:
 
     def point_to(self, target: str) -> None:
         """Make the link, or turn it, in one step: readers find the old one or the new one."""
-        new = self.path.with_name(f"{self.path.name}.{os.getpid()}")
+        new = self.path.with_name(f"{self._lock_path.name}.{secrets.token_hex(8)}")
         try:
             new.symlink_to(target)
-            new.replace(self.path)
+            try:
+                new.replace(self.path)
+            except OSError:
+                new.unlink()
+                raise
         except OSError as error:
-            new.unlink(missing_ok=True)
             raise EmulatorError(f"cannot make the link {self.path}: {error.strerror}") from None
         self._target = target
 
     def release(self) -> None:
         """Take the link away, unless someone has turned it elsewhere, and give up the claim."""
-        if self._target is not None:
-            with suppress(OSError):
-                if str(self.path.readlink()) == self._target:
-                    self.path.unlink()
-        self._lock_path.unlink(missing_ok=True)
+        with suppress(OSError):
+            if self._target is not None and str(self.path.readlink()) == self._target:
+                self.path.unlink()
+        with suppress(OSError):
+            if _leads_to(self._lock_path, self._lock):
+                self._lock_path.unlink()
         os.close(self._lock)
 
     def _check_free(self) -> None:
         path = self.path
         if path.is_symlink():
-            if path.readlink().parent != _TERMINALS:
-                raise EmulatorError(
-                    f"{path} is a link to {path.readlink()}, not to an emulator's terminal;"
-                    " give another --link"
-                )
+            target = path.readlink()
+            if target.parent != _TERMINALS:
+                raise _taken(path, f"is a link to {target}, not to an emulator's terminal")
+            if not self._lock_path.exists():
+                raise _taken(path, f"is a link to {target} that no emulator has made")
         elif path.exists():
-            raise EmulatorError(f"{path} exists and is not a link; give another --link")
+            raise _taken(path, "exists and is not a link")
 
     def _take_lock(self) -> int:
         looks = _LOOKS
         while True:
-            lock = os.open(self._lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+            lock = os.open(self._lock_path, flags, 0o644)
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                os.close(lock)
-                looks -= 1
-                if looks > 0:
-                    time.sleep(_PAUSE)
-                    continue
-                raise EmulatorError(
-                    f"the link {self.path} is held by an emulator that is running;"
-                    " end that one, or give another --link"
-                ) from None
-            # the holder before may have taken the file away between our opening and locking it
-            with suppress(FileNotFoundError):
-                if os.path.samestat(os.fstat(lock), self._lock_path.stat()):
+                # the holder before may have taken the file away between our opening and locking it
+                if _leads_to(self._lock_path, lock):
+                    self._mark(lock)
                     return lock
+            except BlockingIOError:
+                looks -= 1
+                if looks <= 0:
+                    os.close(lock)
+                    raise EmulatorError(
+                        f"the link {self.path} is held by an emulator that is running;"
+                        " end that one, or give another --link"
+                    ) from None
+                time.sleep(_PAUSE)
+            except BaseException:
+                os.close(lock)
+                raise
             os.close(lock)
+
+    def _mark(self, lock: int) -> None:
+        """Write into a new lock what it is; refuse a file that is none."""
+        found = os.read(lock, len(LOCK_TEXT) + 1) if _is_file(lock) else None
+        if found == b"":
+            os.write(lock, LOCK_TEXT)
+        elif found != LOCK_TEXT:
+            raise _taken(self._lock_path, "stands where the link's lock belongs and is none")
+
+
+def _leads_to(path: Path, descriptor: int) -> bool:
+    """Whether a path is still the file that was opened."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.lstat())
+    except FileNotFoundError:
+        return False
+
+
+def _is_file(descriptor: int) -> bool:
+    return stat.S_ISREG(os.fstat(descriptor).st_mode)
+
+
+def _taken(path: Path, why: str) -> EmulatorError:
+    return EmulatorError(printable(f"{path} {why}; give another --link"))

@@ -1,5 +1,7 @@
 """Which port a robot gets: one of the kinds there are, a pseudo-terminal if none is named."""
 
+from collections.abc import Callable
+
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.ports.port import Port
 from khepera_emulator.ports.pty import PtyPort
@@ -13,6 +15,7 @@ def open_port(
     rfc2217: str | None = None,
     expose: bool = False,
     place: int = 0,
+    moved: Callable[[str], None] = lambda _: None,
 ) -> Port:
     """Open the port that is asked for.
 
@@ -22,6 +25,7 @@ def open_port(
         expose: allow addresses that other machines can reach.
         place: of the robot among those that share a world, from 0; each has a TCP port of its
             own, one after the other.
+        moved: told the new path when a pseudo-terminal has to be given up for another one.
 
     Raises:
         EmulatorError: both are given, or the system refuses.
@@ -32,4 +36,4 @@ def open_port(
         return TcpPort(shifted(tcp, place), expose=expose)
     if rfc2217 is not None:
         return Rfc2217Port(shifted(rfc2217, place), expose=expose)
-    return PtyPort()
+    return PtyPort(moved)

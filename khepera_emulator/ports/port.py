@@ -18,21 +18,24 @@ class Port(Protocol):
     def url(self) -> str:
         """What a pySerial client opens."""
 
-    def descriptors(self, *, room: bool) -> tuple[int, ...]:
+    def descriptors(self, *, room: bool, answered: bool = True) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave.
 
         Args:
             room: whether bytes will be taken; without it a client that writes wakes nobody.
+            answered: as for `receive`.
         """
 
     def settings(self) -> LineFormat | None:
         """What the client has set; None if nothing tells."""
 
-    def receive(self, limit: int) -> list[bytes]:
+    def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
         """What clients have done since the last call, in order.
 
         Args:
             limit: bytes to take at most; the rest stays with the client.
+            answered: whether nothing more is to be said about the bytes that were taken so far: a
+                client that waits for replies alone may go.
 
         Returns:
             Bytes that were written; an empty chunk says that the client has left.

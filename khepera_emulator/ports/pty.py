@@ -7,15 +7,19 @@ clients set stays set when they leave, as on a serial port.
 The terminal is held open here while there is no client, and let go when one has written: so the
 hang-up tells that the last one has left. A client that follows another one before anybody has
 looked is known from the events of opening and closing.
+
+A client may leave the terminal so that nobody else can open it. Then the line moves to a new one.
 """
 
+import logging
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
-from khepera_emulator.ports.terminal import Terminal
+from khepera_emulator.ports.terminal import Terminal, TerminalLostError
 from khepera_emulator.ports.watch import (
     CLOSED_READABLE,
     CLOSED_WRITABLE,
@@ -24,6 +28,8 @@ from khepera_emulator.ports.watch import (
     READ,
     WRITTEN,
 )
+
+_log = logging.getLogger(__name__)
 
 _CLOSED: Final = (CLOSED_READABLE, CLOSED_WRITABLE)
 _LOOKS: Final = 4
@@ -61,6 +67,9 @@ class _Change:
 class PtyPort:
     """Master side of a pseudo-terminal.
 
+    Args:
+        moved: told the path of the new terminal when the line moves to one.
+
     Attributes:
         dropped: bytes to clients that did not fit because they do not read.
 
@@ -68,11 +77,12 @@ class PtyPort:
         EmulatorError: the system gives none.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, moved: Callable[[str], None] = lambda _: None) -> None:
         self.dropped = 0
+        self._moved = moved
         self._terminal = Terminal()
         self._clients = 0
-        self._kept_back = False
+        self._kept_back = self._known = False
 
     def close(self) -> None:
         """Hang up: clients get an error from now on."""
@@ -83,8 +93,9 @@ class PtyPort:
         """What a pySerial client opens: the terminal's path."""
         return self._terminal.path
 
-    def descriptors(self, *, room: bool) -> tuple[int, ...]:
+    def descriptors(self, *, room: bool, answered: bool = True) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave."""
+        del answered  # who has a terminal open can listen
         return self._terminal.descriptors(room=room)
 
     def settings(self) -> LineFormat | None:
@@ -94,18 +105,29 @@ class PtyPort:
         """
         return self._terminal.settings()
 
-    def receive(self, limit: int) -> list[bytes]:
+    def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
         """What clients have done since the last call, in order.
 
         Args:
             limit: bytes to take at most; the rest stays with the client.
+            answered: makes no difference here.
 
         Returns:
             Bytes that were written; an empty chunk says that the client has left.
 
         Raises:
-            EmulatorError: a client has barred everybody else from the terminal for ever.
+            EmulatorError: the terminal is lost, and the system gives no other.
         """
+        del answered
+        chunks = self._receive(limit)
+        for chunk in chunks:
+            if bool(chunk) != self._known:
+                self._known = bool(chunk)
+                _log.info("%s: %s", self.url, "a client writes" if chunk else "it has left")
+        return chunks
+
+    def _receive(self, limit: int) -> list[bytes]:
+        """What clients have done since the last call, as `receive`."""
         kept_back = self._kept_back
         try:
             data, events = self._look(limit)
@@ -115,13 +137,13 @@ class PtyPort:
         if not self._terminal.held and COMINGS.isdisjoint(events):
             return [data] if data else []
         change = self._count(events)
+        left = any(event in _CLOSED for event in events)
         if data or WRITTEN in events:
             self._terminal.let_go()
-        elif self._terminal.held and events and not self._clients:
-            self._terminal.hold()
-            self._terminal.drop_unread()  # who has looked in may have been told something
+        elif self._terminal.held and events and (left or not self._clients):
+            self._hold(drop=not self._clients)  # who has looked in may have been told something
         if not self._terminal.held and not self._clients:
-            if any(event in _CLOSED for event in events):
+            if left:
                 follower = self._settle()
                 if not self._clients:
                     return self._end(data)
@@ -239,23 +261,46 @@ class PtyPort:
                 change = later
             change.new_bytes = change.new_bytes or WRITTEN in events
             change.reads = change.reads or READ in events
-        if not change.reads:  # otherwise it would find the rest of a line
-            self._flush()
+        self._put_right(drop=not change.reads)  # otherwise it would find the rest of a line
         cut = change.divide(data)
         return [*filter(None, (data[:cut],)), b"", *filter(None, (data[cut:],))]
 
-    def _flush(self) -> None:
-        """Take away what the client before was told and has not read."""
-        with suppress(EmulatorError):  # the new client keeps us out: it may find stale bytes
+    def _put_right(self, *, drop: bool) -> None:
+        """Undo what the client before has left, for one that has come already.
+
+        Args:
+            drop: take away what it was told and has not read.
+        """
+        with suppress(TerminalLostError):  # the new client keeps us out: it may find stale bytes
             self._terminal.hold()
-            self._terminal.drop_unread()
+            if drop:
+                self._terminal.drop_unread()
         self._terminal.let_go()
 
     def _forget_client(self) -> None:
         """Nobody has the terminal open: what was said and not read is lost."""
-        self._terminal.hold()
-        self._terminal.drop_unread()
+        self._hold(drop=True)
         self._clients = 0
         events = self._terminal.events()
         if OPENED in events:  # somebody has come since, and may have left again
             self._terminal.put_back(events[events.index(OPENED) :])
+
+    def _hold(self, *, drop: bool) -> None:
+        """Hold the terminal open, or a new one if nobody can open it any more."""
+        try:
+            self._terminal.hold()
+            if drop:
+                self._terminal.drop_unread()
+        except TerminalLostError as error:
+            self._move(error)
+
+    def _move(self, why: TerminalLostError) -> None:
+        """Go on with another terminal, with the settings of this one."""
+        lost, self._terminal = self._terminal, Terminal()
+        self._terminal.copy_settings(lost)
+        lost.close()
+        _log.warning("%s: the line has moved to %s", why, self.url)
+        try:
+            self._moved(self.url)
+        except EmulatorError as error:
+            _log.warning("%s", error)

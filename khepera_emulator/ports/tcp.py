@@ -1,8 +1,11 @@
 """The robot's serial line on a TCP port, for pySerial's `socket://HOST:PORT` and for netcat.
 
 One client at a time has the line, as one plug fits a robot; others are told so and turned away.
-A connection carries bytes alone: no rate, no parity. A client has left when it ends its side of
-the connection, even if it would still listen.
+A connection carries bytes alone: no rate, no parity.
+
+What a client sends is read ahead of the line, so that its goodbye is seen behind bytes that the
+line has no room for yet. A client that has ended its sending side may still listen: it has the
+line until its last reply is sent, unless another one comes.
 """
 
 import logging
@@ -15,8 +18,10 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Final
 
+from khepera_emulator.bell import Bell
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line_coding import LineFormat
+from protocol.text import printable
 
 _log = logging.getLogger(__name__)
 
@@ -27,9 +32,19 @@ _SEND_BUFFER = 16 * 1024
 GRACE = 0.1
 """Seconds that a newcomer waits at the door: the goodbye of the one before may be overtaken."""
 
-_ALL = 1 << 16
+_LONG_GRACE: Final = 1.0
+"""The same while the one before sends faster than the line takes it."""
+
+_AHEAD = 8 * 1024 * 1024
+"""Bytes of a client that are read ahead of the line, hours of it. A client that writes still more
+waits, and gives way to another one: its goodbye could be behind what is not read yet."""
+
+_PIECE = 16 * 1024
+"""Bytes that are read at a time, so that other robots and the clock need not wait."""
+
 _MOST_PORTS = 65535
-_LOST: Final = select.POLLRDHUP | select.POLLHUP | select.POLLERR
+_PORT_DIGITS = 5
+_BROKEN: Final = select.POLLHUP | select.POLLERR
 _KEEP_ALIVE = ((socket.TCP_KEEPIDLE, 20), (socket.TCP_KEEPINTVL, 5), (socket.TCP_KEEPCNT, 3))
 """A client whose machine has gone holds the line for 35 s at most."""
 
@@ -54,8 +69,14 @@ class TcpPort:
         self.dropped = 0
         self._client: socket.socket | None = None
         self._peer = ""
+        self._ahead = bytearray()
+        self._heard = 0.0
+        self._ended = False
         self._door: deque[_Newcomer] = deque()
         self._listener = _listen(address, expose=expose)
+        # always readable: shown while there is something to say that no other descriptor tells
+        self._ready = Bell()
+        self._ready.ring()
 
     @property
     def url(self) -> str:
@@ -68,31 +89,33 @@ class TcpPort:
         for newcomer in self._door:
             newcomer.connection.close()
         self._listener.close()
+        self._ready.close()
 
-    def descriptors(self, *, room: bool) -> tuple[int, ...]:
+    def descriptors(self, *, room: bool, answered: bool = True) -> tuple[int, ...]:
         """Descriptors that become readable when clients come, write or leave."""
-        if self._client and room:
-            return self._listener.fileno(), self._client.fileno()
-        return (self._listener.fileno(),)
+        descriptors = [self._listener.fileno()]
+        if self._client and not self._ended and len(self._ahead) < _AHEAD:
+            descriptors.append(self._client.fileno())
+        if (room and self._ahead) or self._is_done(answered):
+            descriptors.append(self._ready.fileno())
+        return tuple(descriptors)
 
     def settings(self) -> LineFormat | None:
         """Nothing: a bare connection has no rate."""
         return None
 
-    def receive(self, limit: int) -> list[bytes]:
+    def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
         """What the client has done since the last call; an empty chunk: it has left.
 
         A client that waits at the door takes the place of one that has left.
         """
-        chunks: list[bytes] = []
         self._accept()
-        if self._door and self._client and self._has_left():
-            chunks += [*self._take_rest(), b""]
-            self._forget_client()
-        self._look_at_door()
-        if self._client and limit > 0:
-            chunks += self._take(limit)
-            self._look_at_door()
+        chunks = self._listen_to_client(limit, answered)
+        while self._door and not self._client:  # they may have left already
+            self._admit(self._door.popleft())
+            chunks += self._listen_to_client(limit, answered=False)
+        while len(self._door) > _BACKLOG or (self._is_time_up() and not self._makes_room()):
+            self._turn_away(self._door.popleft())
         return chunks
 
     def changed(self) -> bool:
@@ -107,9 +130,9 @@ class TcpPort:
     def _begin(self) -> None:
         """A client has come."""
 
-    def _decode(self, data: bytes) -> bytes:
-        """Bytes for the robot in what a client has sent."""
-        return data
+    def _take_in(self, data: bytes) -> None:
+        """Put bytes for the robot, of what a client has sent, behind those that wait."""
+        self._ahead += data
 
     def _send(self, data: bytes) -> int:
         """Put bytes on the connection; returns how many it took."""
@@ -125,23 +148,15 @@ class TcpPort:
             while True:
                 connection, peer = self._listener.accept()
                 connection.setblocking(False)
-                self._door.append(_Newcomer(connection, _name(peer), time.monotonic() + GRACE))
-
-    def _look_at_door(self) -> None:
-        """Let the first one in if the line is free; turn away who has waited for too long."""
-        if self._door and not self._client:
-            self._admit(self._door.popleft())
-        now = time.monotonic()
-        while self._door and (self._door[0].until <= now or len(self._door) > _BACKLOG):
-            self._turn_away(self._door.popleft())
+                self._door.append(_Newcomer(connection, _name(peer), time.monotonic()))
 
     def _turn_away(self, newcomer: "_Newcomer") -> None:
-        _log.info("%s turned away: %s has the line", newcomer.peer, self._peer)
+        _log.info("%s: %s turned away: %s has the line", self.url, newcomer.peer, self._peer)
         with newcomer.connection as connection, suppress(OSError):
             connection.send(
                 b"the robot's line is in use by %b: one client at a time\r\n" % self._peer.encode()
             )
-            connection.recv(_ALL)  # closing on unread bytes would take the line back
+            connection.recv(_PIECE)  # closing on unread bytes would take the line back
 
     def _admit(self, newcomer: "_Newcomer") -> None:
         connection, peer = newcomer.connection, newcomer.peer
@@ -150,53 +165,85 @@ class TcpPort:
         for option, value in _KEEP_ALIVE:
             connection.setsockopt(socket.IPPROTO_TCP, option, value)
         self._client, self._peer = connection, peer
-        _log.info("%s has the line", peer)
+        _log.info("%s: %s has the line", self.url, peer)
         self._begin()
 
-    def _take(self, limit: int) -> list[bytes]:
-        assert self._client is not None
-        try:
-            data = self._client.recv(limit)
-        except BlockingIOError:
+    def _listen_to_client(self, limit: int, answered: bool) -> list[bytes]:
+        """What the client has done since the last call, as `receive`."""
+        if not self._client:
             return []
-        except OSError:
+        self._read_ahead()
+        broken = self._is_broken()
+        while broken and self._read_ahead():
+            pass
+        left = broken or (self._makes_room() and self._is_time_up())
+        taken = bytes(self._ahead) if left else bytes(self._ahead[: max(0, limit)])
+        del self._ahead[: len(taken)]
+        chunks = [taken] if taken else []
+        if left or (not taken and self._is_done(answered)):
+            self._forget_client()
+            chunks.append(b"")
+        return chunks
+
+    def _read_ahead(self) -> bool:
+        """Take a piece of what the client has sent; whether there was any, and room for it."""
+        if not self._client or self._ended or len(self._ahead) >= _AHEAD:
+            return False
+        try:
+            data = self._client.recv(_PIECE)
+        except BlockingIOError:
+            return False
+        except OSError:  # broken
             data = b""
-        if data:
-            taken = self._decode(data)
-            return [taken] if taken else []
-        self._forget_client()
-        return [b""]
+        self._heard = time.monotonic()
+        self._ended = not data
+        self._take_in(data)
+        return bool(data)
 
-    def _take_rest(self) -> list[bytes]:
-        assert self._client is not None
-        data = b""
-        with suppress(OSError):
-            while len(data) < _ALL and (more := self._client.recv(_ALL)):
-                data += more
-        taken = self._decode(data)
-        return [taken] if taken else []
+    def _is_broken(self) -> bool:
+        """Whether nobody is at the other end any more.
 
-    def _has_left(self) -> bool:
-        """Whether the client has ended its side, whatever of it is still to be read."""
+        Whoever closes without unread bytes breaks the connection only when something more is
+        sent to it: until then it might be one that still listens.
+        """
         assert self._client is not None
         poll = select.poll()
-        poll.register(self._client, select.POLLRDHUP)
-        return any(event & _LOST for _, event in poll.poll(0))
+        poll.register(self._client, 0)
+        return any(event & _BROKEN for _, event in poll.poll(0))
+
+    def _makes_room(self) -> bool:
+        """Whether the client may have left: it only listens, or its goodbye cannot be seen."""
+        return self._ended or len(self._ahead) >= _AHEAD
+
+    def _is_time_up(self) -> bool:
+        """Whether somebody has waited at the door for long enough."""
+        if not self._door:
+            return False
+        now = time.monotonic()
+        # as long as more comes than the line takes, the goodbye may be behind that
+        comes = bool(self._ahead) and not self._ended and now < self._heard + GRACE
+        return now >= self._door[0].since + (_LONG_GRACE if comes else GRACE)
+
+    def _is_done(self, answered: bool) -> bool:
+        """Whether the client will send nothing more, and has been told all that it asked."""
+        return self._ended and not self._ahead and answered
 
     def _forget_client(self) -> None:
         if self._client:
-            _log.info("%s has left", self._peer)
+            _log.info("%s: %s has left", self.url, self._peer)
             self._client.close()
             self._client = None
+        self._ahead.clear()
+        self._ended = False
 
 
 @dataclass(frozen=True, slots=True)
 class _Newcomer:
-    """A client at the door, and until when it may wait there."""
+    """A client at the door, and since when it has waited there."""
 
     connection: socket.socket
     peer: str
-    until: float
+    since: float
 
 
 def tcp_address(text: str) -> tuple[str, int]:
@@ -206,8 +253,11 @@ def tcp_address(text: str) -> tuple[str, int]:
         EmulatorError: it is neither.
     """
     host, colon, port = text.rpartition(":")
-    if not (colon and host and port.isascii() and port.isdecimal() and int(port) <= _MOST_PORTS):
-        raise EmulatorError(f"{text!r} is no address; give HOST:PORT, such as 127.0.0.1:4000")
+    digits = port.isascii() and port.isdecimal() and len(port) <= _PORT_DIGITS
+    if not (colon and host and digits and int(port) <= _MOST_PORTS):
+        raise EmulatorError(
+            f"'{printable(text, 60)}' is no address; give HOST:PORT, such as 127.0.0.1:4000"
+        )
     return host.removeprefix("[").removesuffix("]"), int(port)
 
 
@@ -235,8 +285,10 @@ def _listen(address: str, *, expose: bool) -> socket.socket:
                 " robot; give 127.0.0.1, or add --expose"
             )
         listener = socket.socket(family, kind)
-    except OSError as error:
-        raise EmulatorError(f"no address {address}: {error.strerror}") from None
+    except (OSError, UnicodeError) as error:
+        # a name with a label of more than 63 characters, or of none, cannot be encoded
+        reason = error.strerror if isinstance(error, OSError) else "not the name of a machine"
+        raise EmulatorError(f"no address {printable(address, 60)}: {reason}") from None
     try:
         listener.setblocking(False)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

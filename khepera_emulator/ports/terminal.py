@@ -38,7 +38,12 @@ _CFLAG, _ISPEED, _OSPEED = 2, 4, 5
 _TCGETS2: Final = 0x802C542A
 """Linux's request for settings with the rate as a number, on x86, ARM and RISC-V."""
 
+_TCSETS2: Final = 0x402C542B
 _TERMIOS2_SIZE: Final = 44
+
+
+class TerminalLostError(EmulatorError):
+    """A terminal that a client has left in a state in which nobody can use it."""
 
 
 class Terminal:
@@ -107,14 +112,25 @@ class Terminal:
         stop = 2 if settings[_CFLAG] & termios.CSTOPB else 1
         return LineFormat(rate, stop=stop) if rate else None
 
+    def copy_settings(self, other: "Terminal") -> None:
+        """Take over what clients have set on another terminal, if the system tells all of it."""
+        settings = other._termios2()
+        if settings:
+            with suppress(OSError):
+                fcntl.ioctl(self._master, _TCSETS2, settings)
+
     def _odd_rate(self) -> int | None:
         """A rate without a name of its own, where this system tells."""
-        termios2 = bytearray(_TERMIOS2_SIZE)
+        return int.from_bytes(self._termios2()[-4:], sys.byteorder) or None
+
+    def _termios2(self) -> bytearray:
+        """The settings as the kernel keeps them; empty on a system that does not tell."""
+        settings = bytearray(_TERMIOS2_SIZE)
         try:
-            fcntl.ioctl(self._master, _TCGETS2, termios2)
+            fcntl.ioctl(self._master, _TCGETS2, settings)
         except OSError:
-            return None
-        return int.from_bytes(termios2[-4:], sys.byteorder) or None
+            return bytearray()
+        return settings
 
     def read(self, limit: int) -> bytes:
         """What was written, up to a limit.
@@ -191,46 +207,60 @@ class Terminal:
         return not COMINGS.isdisjoint(self._early)
 
     def hold(self) -> None:
-        """Open the terminal, so that there is no hang-up.
+        """Open the terminal, so that there is no hang-up, and put right what a client left.
 
         Raises:
-            EmulatorError: a client has barred everybody else from it for ever.
+            TerminalLostError: a client has barred everybody else from it for ever, or hung it up.
         """
-        if self._slave is None:
-            try:
+        with self._usable():
+            if self._slave is None:
                 with self._own(OPENED):
                     self._slave = os.open(self.path, os.O_RDONLY | os.O_NOCTTY)
-            except OSError as error:
-                raise EmulatorError(
-                    f"a client has taken {self.path} for itself for ever (TIOCEXCL):"
-                    f" {error.strerror}; start the emulator again"
-                ) from None
-            self.held = True
-        self._admit_all()
+                self.held = True
+            self._admit_all(self._slave)
+            # the output that a client has stopped stays so: the next one would wait for ever
+            for action in (termios.TCOOFF, termios.TCOON):  # alone the second ends no XOFF
+                termios.tcflow(self._slave, action)
 
     def drop_unread(self) -> None:
-        """Drop what clients were told and have not read; only while it is held."""
+        """Drop what clients were told and have not read; only while it is held.
+
+        Raises:
+            TerminalLostError: a client has hung it up for everybody.
+        """
         if self._slave is not None:
-            termios.tcflush(self._master, termios.TCOFLUSH)  # on its way to the queue
-            termios.tcflush(self._slave, termios.TCIFLUSH)
+            with self._usable():
+                termios.tcflush(self._master, termios.TCOFLUSH)  # on its way to the queue
+                termios.tcflush(self._slave, termios.TCIFLUSH)
             self._unread = 0
 
     def let_go(self) -> None:
         """Close the terminal, because a client has it open: its leaving shall be noticed."""
-        self._admit_all()
         if self._slave is not None:
+            with suppress(OSError):
+                self._admit_all(self._slave)
             with self._own(CLOSED_READABLE):
                 os.close(self._slave)
             self._slave = None
             self.held = False
 
-    def _admit_all(self) -> None:
+    @staticmethod
+    def _admit_all(slave: int) -> None:
         """Let everybody open it, even if a client has taken it for itself.
 
         It would stay so when its client has left, and then we could not come back.
         """
-        if self._slave is not None:
-            fcntl.ioctl(self._slave, termios.TIOCNXCL)
+        fcntl.ioctl(slave, termios.TIOCNXCL)
+
+    @contextmanager
+    def _usable(self) -> Iterator[None]:
+        """Do something that fails only if a client has spoiled the terminal."""
+        try:
+            yield
+        except (OSError, termios.error) as error:
+            raise TerminalLostError(
+                f"a client has made {self.path} unusable ({error.args[-1]}), as by TIOCEXCL"
+            ) from None
 
     @contextmanager
     def _own(self, event: int) -> Iterator[None]:

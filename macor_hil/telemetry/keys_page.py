@@ -19,8 +19,14 @@ Every sample has an **encoding** (the last column; for JSON with the name of its
 **time stamp**, and as its attachment a **stamp**, JSON as well:
 """
 
+_ACTS: Final = "; has effects: only with a payload, and only on exactly this key"
+
 _QUERIES: Final = """Samples are dropped when a subscriber is too slow, and the sequence numbers
 show it. A query gets what the table says, so that whoever comes late knows the latest.
+
+A query may look at many keys at once, such as `khepera/**`: it changes nothing. What has effects
+answers only to queries on exactly its key, and only to those with a payload, which may be `{}`.
+A query that cannot be answered gets an error reply of one sentence.
 
 A query with the parameter `describe`, such as `macor/khepera/decision?describe`, gets the JSON
 Schema of the key's payload (`application/schema+json`); `macor-hil keys decision` prints it, too.
@@ -44,6 +50,7 @@ def _table() -> str:
     for key in KEYS:
         payload = f" ({_link(key.payload)})" if key.payload else ""
         asks = f"; takes a {_link(key.request)}" if key.request else ""
+        asks += _ACTS if key.acts else ""
         encodings = ", ".join(f"`{encoding}`" for encoding in key.encodings)
         lines.append(
             f"| `{key.pattern}` | {key.what}{payload} | {key.published} | {key.answers}{asks}"

@@ -1,40 +1,48 @@
-"""Command line of the emulator."""
+"""The commands of `khepera-emulator`."""
 
 import logging
+import os
 import re
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from enum import StrEnum
 from itertools import zip_longest
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
-from khepera_emulator.arena import MOST_ROBOTS, arena_names, load_arena
+from khepera_emulator.arena import MOST_ROBOTS, Arena, arena_names, load_arena
 from khepera_emulator.choices import option_names, parse_choices
+from khepera_emulator.cli.ending import STATUS, Ending
 from khepera_emulator.clock import Clock
 from khepera_emulator.drift import parse_drift
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.faults import parse_fault, script_specs
+from khepera_emulator.faults import MAX_SCRIPT, parse_faults, script_specs
 from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.models import KHEPERA, MODELS, find_model
+from khepera_emulator.models import KHEPERA, MODELS, Model, find_model
+from khepera_emulator.paths import check_name, check_output
 from khepera_emulator.physics import load_physics
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.terminal import FIRST_RATE
-from khepera_emulator.wire_log import WireLog, read_log, robot_url
+from khepera_emulator.starts import check_starts
+from khepera_emulator.wire_log import ROBOT, Recording, WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
+from protocol.text import PrintableFormatter, printable, quoted
 from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
-_FAILED: Final = 2
-_ROBOT = re.compile(r"[A-Za-z0-9_.-]+")
+_ROBOT = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _BAUD = re.compile(r"[1-9][0-9]{1,6}")
 
-_EXAMPLES = """[bold]Examples[/bold]
+_HIGHEST_SEED: Final = 10**18 - 1
+"""As in a `khepera://` URL, which stands in every recording."""
+
+_LONGEST_PAUSE: Final = 999_999.0
+
+_EXAMPLES = f"""[bold]Examples[/bold]
 
 A robot in the corridor, its terminal under a name of its own:
 [cyan]khepera-emulator run --link runs/khepera[/cyan]
@@ -53,7 +61,19 @@ Three robots in one room, on runs/khepera-1, runs/khepera-2 and runs/khepera-3:
 
 A second robot on the same machine, in a world of its own:
 [cyan]khepera-emulator run --robot second --link runs/second --listen tcp/127.0.0.1:7449[/cyan]
+
+[bold]Exit status[/bold]
+
+{STATUS}
 """
+
+
+def _finite(number: float | None) -> float | None:
+    """Refuse what is no number: it is neither above nor below any bound."""
+    if number is not None and not isfinite(number):
+        raise typer.BadParameter("give a finite number")
+    return number
+
 
 app = typer.Typer(
     help="An emulated Khepera robot on a serial line.",
@@ -80,7 +100,7 @@ def run(
         str, typer.Option(help="Name of an arena (see `arenas`), or path of a TOML file.")
     ] = "corridor",
     model: Annotated[str, typer.Option(help=f"Robot: {' or '.join(MODELS)}.")] = KHEPERA.name,
-    seed: Annotated[int, typer.Option(min=0, help="Of all randomness.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=_HIGHEST_SEED, help="Of all randomness.")] = 0,
     drift: Annotated[
         str,
         typer.Option(
@@ -90,7 +110,10 @@ def run(
         ),
     ] = "default",
     speed: Annotated[
-        float, typer.Option(min=0.01, max=1000.0, help="Time runs so many times faster.")
+        float,
+        typer.Option(
+            min=0.01, max=1000.0, callback=_finite, help="Time runs so many times faster."
+        ),
     ] = 1.0,
     baud: Annotated[
         str,
@@ -146,6 +169,8 @@ def run(
         float | None,
         typer.Option(
             min=0.01,
+            max=_LONGEST_PAUSE,
+            callback=_finite,
             metavar="SECONDS",
             help="The robot stops by itself after so long without a request; a real one rolls on.",
         ),
@@ -190,7 +215,9 @@ def run(
     ] = None,
     camera_rate: Annotated[
         float,
-        typer.Option(min=0.1, max=100.0, help="Frames a second, while someone listens."),
+        typer.Option(
+            min=0.1, max=100.0, callback=_finite, help="Frames a second, while someone listens."
+        ),
     ] = 10.0,
     zenoh: Annotated[
         bool, typer.Option("--zenoh/--no-zenoh", help="Offer camera, ground truth and reset.")
@@ -201,15 +228,16 @@ def run(
 
     Prints one line for each robot: its name, its terminal or URL, and the link to it.
     """
-    logging.basicConfig(
-        level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s"
-    )
+    handler = logging.StreamHandler()
+    handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=log_level.upper(), handlers=[handler])
     load_physics()
     from khepera_emulator.daemon import Daemon
     from khepera_emulator.emulator import Setup, make_fleet
     from khepera_emulator.side_channel import SideChannel
     from khepera_emulator.turrets import check_turrets
 
+    ending = ctx.find_object(Ending) or Ending()
     with ExitStack() as stack:
         faults = [*(fault or []), *_scripted(fault_script)]
         setup = Setup(
@@ -218,7 +246,7 @@ def run(
             drift=parse_drift(drift),
             seed=seed,
             baud=_parse_baud(baud),
-            faults=tuple(map(parse_fault, faults)),
+            faults=parse_faults(faults),
             turrets=check_turrets(turret or []),
             choices=parse_choices(firmware or []),
             dead_man=dead_man,
@@ -227,8 +255,12 @@ def run(
         if link and (tcp or rfc2217):
             raise EmulatorError("--link points to a terminal, and --tcp and --rfc2217 have none")
         names = _numbered(robot, robots)
-        links = _numbered(link.name, robots) if link else []
-        held = [stack.enter_context(Link(link.with_name(each))) for each in links] if link else []
+        links = _numbered_paths("--link", link, robots, stem=False)
+        recordings = _numbered_paths("--record", record, robots)
+        for path in recordings:
+            check_output(path)
+        ending.hold()  # what is made from here on is put away at the end
+        held = [stack.enter_context(Link(each)) for each in links]
         emulators = make_fleet(setup, robots)
         stack.callback(emulators[0].close)
         channels: list[SideChannel | None] = [None] * robots
@@ -238,14 +270,13 @@ def run(
             )
             channels[k] = stack.enter_context(channel)
         ports = []
-        for k in range(robots):
-            ports.append(open_port(tcp=tcp, rfc2217=rfc2217, expose=expose, place=k))
+        for k, claim in zip_longest(range(robots), held):
+            moved = {"moved": claim.point_to} if claim else {}
+            ports.append(open_port(tcp=tcp, rfc2217=rfc2217, expose=expose, place=k, **moved))
             stack.callback(ports[-1].close)
         logs: list[WireLog | None] = [None] * robots
-        if record:
-            for k, stem in enumerate(_numbered(record.stem, robots)):
-                path = record.with_name(stem + record.suffix)
-                logs[k] = stack.enter_context(WireLog(path, _same_robot(ctx, faults, k + 1)))
+        for k, path in enumerate(recordings):
+            logs[k] = stack.enter_context(WireLog(path, _same_robot(ctx, faults, k + 1)))
         follow_rate = baud == "auto"
         daemon = Daemon(
             emulators[0],
@@ -259,11 +290,11 @@ def run(
             daemon.add(
                 emulators[k], ports[k], follow_rate=follow_rate, channel=channels[k], log=logs[k]
             )
-        stack.enter_context(_signals_call(daemon.stop))
         for name, port, claim in zip_longest(names, ports, held):
             if claim:
                 claim.point_to(port.url)
-            typer.echo(f"{name} on {port.url}" + (f", link {claim.path}" if claim else ""))
+            _announce(f"{name} on {port.url}" + (f", link {claim.path}" if claim else ""))
+        ending.call(daemon.stop)
         daemon.run()
 
 
@@ -273,23 +304,31 @@ def arenas(
         str | None, typer.Argument(help="An arena's name, or path of a TOML file; all if absent.")
     ] = None,
     draw: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="PNG file to draw the named arena into.")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Picture to draw the named arena into: .png, .jpg, .svg or .pdf.",
+        ),
     ] = None,
+    model: Annotated[
+        str, typer.Option(help=f"Robot that must fit: {' or '.join(MODELS)}.")
+    ] = KHEPERA.name,
 ) -> None:
-    """List the arenas that come with the emulator, or draw one from above."""
+    """List the arenas that come with the emulator; check one as `run` does, draw it from above."""
+    robot = find_model(model)
     if draw is not None:
         if name is None:
             raise EmulatorError("--draw draws one arena: name it, or give the path of its file")
         from khepera_emulator.picture import draw_arena
 
-        draw_arena(load_arena(name), draw)
+        draw_arena(_checked(name, robot), draw, robot)
         return
     names = arena_names() if name is None else [name]
     width = max(map(len, names))
     for each in names:
-        arena = load_arena(each)
+        arena = _checked(each, robot)
         (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
-        typer.echo(f"{each:{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
+        typer.echo(f"{printable(each):{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
 
 
 @app.command()
@@ -313,7 +352,8 @@ def replay(
 ) -> None:
     """Play the requests of a wire log at their times, and compare the replies.
 
-    Exit status: 0 if all are equal, 1 at the first difference, which is printed.
+    Exit status: 0 if all are equal, 1 at the first difference, which is printed, 2 if the log is
+    damaged: what stands before the damage is replayed all the same.
     """
     import serial
 
@@ -322,7 +362,7 @@ def replay(
     from khepera_emulator.replay import replay as play
 
     recording = read_log(file)
-    url = port or recording.url
+    url = port or _recorded_robot(file, recording)
     try:
         with serial.serial_for_url(url, timeout=1.0) as line:
             result = play(recording, line, [word.strip() for word in ignore.split(",")])
@@ -332,15 +372,28 @@ def replay(
         typer.echo(str(result))
         raise typer.Exit(_DIFFERENT)
     typer.echo(f"{result} reply lines equal")
+    if recording.damage:
+        raise EmulatorError(f"{recording.damage}; only what stands before was replayed")
 
 
-def main() -> None:
-    """Entry point: an error is one sentence and exit status 2."""
+def _checked(name: str, model: Model) -> Arena:
+    """An arena in which robots of a model can start."""
+    arena = load_arena(name)
     try:
-        app(prog_name="khepera-emulator")
+        check_starts(arena, model)
     except EmulatorError as error:
-        typer.echo(f"khepera-emulator: {error}", err=True)
-        sys.exit(_FAILED)
+        raise EmulatorError(f"the arena {name!r}: {error}") from None
+    return arena
+
+
+def _recorded_robot(file: Path, recording: Recording) -> str:
+    """The robot that a log names. A file may name an emulated one, and no device or file."""
+    if not recording.url.startswith(ROBOT):
+        raise EmulatorError(
+            f"{file} names {recording.url[:100]!r} as its robot, which is no emulated one"
+            f" ({ROBOT}...); give --port to replay it on a port of your own"
+        )
+    return recording.url
 
 
 def _parse_baud(text: str) -> int | None:
@@ -350,7 +403,9 @@ def _parse_baud(text: str) -> int | None:
     if text == "unpaced":
         return None
     if not _BAUD.fullmatch(text):
-        raise EmulatorError(f"--baud {text}: give auto, unpaced, or a rate such as 38400")
+        raise EmulatorError(
+            f"--baud {printable(text, 60)}: give auto, unpaced, or a rate such as 38400"
+        )
     return int(text)
 
 
@@ -370,10 +425,17 @@ def _same_robot(ctx: typer.Context, faults: list[str], number: int) -> str:
 def _scripted(script: Path | None) -> list[str]:
     if script is None:
         return []
+    name = printable(str(script), 300)
     try:
-        return script_specs(script.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise EmulatorError(f"cannot read the fault script {script}: {error}") from None
+        with script.open("rb") as file:
+            text = file.read(MAX_SCRIPT + 1).decode()
+    except OSError as error:
+        raise EmulatorError(f"cannot read the fault script {name}: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise EmulatorError(
+            f"cannot read the fault script {name}: byte {error.start} is not UTF-8 text"
+        ) from None
+    return script_specs(text)
 
 
 def _numbered(name: str, count: int) -> list[str]:
@@ -381,24 +443,28 @@ def _numbered(name: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name}-{k}" for k in range(1, count + 1)]
 
 
+def _numbered_paths(option: str, path: Path | None, count: int, *, stem: bool = True) -> list[Path]:
+    """Paths for so many robots, with their numbers at the end of the name or of its stem."""
+    if path is None:
+        return []
+    check_name(option, path)
+    if not stem:
+        return [path.with_name(each) for each in _numbered(path.name, count)]
+    return [path.with_name(each + path.suffix) for each in _numbered(path.stem, count)]
+
+
 def _check_robot(name: str) -> None:
     if not _ROBOT.fullmatch(name):
         raise EmulatorError(
-            f"--robot {name!r}: a name is made of letters, digits, dots, dashes and underscores"
+            f"--robot {quoted(name)}: a name is made of letters, digits, dots, dashes and"
+            " underscores, 64 at most"
         )
 
 
-@contextmanager
-def _signals_call(stop: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the daemon instead of the process, so that all is put away."""
-    wanted = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda *_: stop()) for number in wanted]
+def _announce(line: str) -> None:
+    """Print a line; where nobody reads it, the robot lives on."""
     try:
-        yield
-    finally:
-        for number, handler in zip(wanted, before, strict=True):
-            signal.signal(number, handler)
-
-
-if __name__ == "__main__":
-    main()
+        typer.echo(printable(line))
+    except OSError:
+        # what could not be written would be tried again at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,62 @@
+"""How a program begins, before anything heavy is imported: its standard files, and its signals."""
+
+import os
+import signal
+import sys
+from types import FrameType
+from typing import Final
+
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What tells a program to end."""
+
+INTERRUPTED: Final = 130
+"""Exit status after Ctrl-C."""
+
+
+def begin(program: str) -> None:
+    """Open standard files that are closed; until something is made, signals end the process.
+
+    Args:
+        program: name under which an interruption is told.
+    """
+
+    def end(number: int, _: FrameType | None) -> None:
+        if number == signal.SIGINT:
+            os.write(2, f"{program}: interrupted\n".encode())
+        os._exit(INTERRUPTED if number == signal.SIGINT else 0)
+
+    open_standard_files()
+    for number in signals_to_take():
+        signal.signal(number, end)
+
+
+def signals_to_take() -> list[signal.Signals]:
+    """Return the signals that shall end this process.
+
+    A script's background job ignores Ctrl-C, which a robot must not; `nohup` is obeyed.
+    """
+    return [
+        number
+        for number in SIGNALS
+        if number is signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN
+    ]
+
+
+def ignore_signals() -> None:
+    """Let no signal disturb the end, which has begun."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def open_standard_files() -> None:
+    """Open those of the three standard files that are closed, for nobody.
+
+    Otherwise the next file that is opened, a serial line perhaps, gets what is printed.
+    """
+    for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(descriptor, mode, closefd=False))  # noqa: SIM115
