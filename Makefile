@@ -2,8 +2,10 @@
 #   make run    an emulated robot learns and drives the curve
 #   make test   style, types and tests
 #   make bench  speed, as ratios (ten minutes)
+#   make hostile  bad inputs at every edge, forty times as many as in make test (minutes)
 #   make soak   long use of the serial line (ten minutes)
 #   make soak-service     an hour of service under random faults, ten times faster
+#   make soak-watchers    an hour of eight robots and all who watch them, five times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
 #   make stop-times       how long the robot rolls on when it must stop (an hour)
@@ -13,7 +15,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 
-.PHONY: run test lint bench soak soak-service pyserial-suite faults stop-times lock clean
+.PHONY: run test lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -22,6 +24,9 @@ run: $(READY)
 test: lint
 	$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock"
 	$(BIN)/python -m pytest -n 3 -m wall_clock
+
+hostile: $(READY)
+	HOSTILE_LONG=1 $(BIN)/python -m pytest -n 4 --dist worksteal tests/hostile
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -47,17 +52,16 @@ stop-times: $(READY)
 soak-service: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak_service.py
 
-# NumPy and setuptools come first: where there is no wheel of PyBullet (CPython above 3.11), pip
-# builds it, and only with NumPy at hand it hands out pictures as arrays.
+soak-watchers: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/soak_watchers.py
+
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "CPython 3.11 or newer is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
-		echo "CPython 3.11 is the reference; for this newer one PyBullet is built, which takes minutes."
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 14))' || \
+		echo "There is no wheel of PyBullet for this Python yet: pip builds it, which takes a compiler and ten minutes."
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	sed -n '/^\(numpy\|setuptools\)==/,/[^\\]$$/p' requirements.lock > $(VENV)/first.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(VENV)/first.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
 	touch $@
 

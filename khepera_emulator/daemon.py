@@ -35,7 +35,7 @@ MOST_BEHIND = 0.25
 speed, loses the rest: the robot's clock stands still meanwhile."""
 
 _SELECTABLE = 1024
-"""The first descriptor that `select` cannot watch."""
+"""Descriptors that `select` can wait for: those below this number."""
 
 _TAKE = 256
 """Bytes taken from a client ahead of the line; the rest waits with it, as in a driver's buffer."""

@@ -6,7 +6,7 @@ from khepera_emulator.arena import Arena
 from khepera_emulator.models import Model
 from khepera_emulator.places import pose_of
 from khepera_emulator.solids import Brick, Disc, footprint, wall_boxes
-from protocol.side_channel import Outline, Solid
+from protocol.side_channel import MOST_SOLIDS, MOST_TITLE, Outline, Solid
 
 
 def outline(arena: Arena, model: Model, places: Iterable[Disc | Brick] | None = None) -> Outline:
@@ -33,9 +33,9 @@ def outline(arena: Arena, model: Model, places: Iterable[Disc | Brick] | None = 
         for part, place in zip(arena.object, places, strict=True)
     ]
     return Outline(
-        title=arena.title,
+        title=arena.title[:MOST_TITLE],
         floor=arena.floor,
-        solids=walls + posts + things,
+        solids=(walls + posts + things)[:MOST_SOLIDS],
         start=pose_of(arena.start),
         robot_radius=model.radius,
     )

@@ -1,5 +1,6 @@
 """Loading PyBullet, without its greeting."""
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,8 @@ from khepera_emulator.errors import EmulatorError
 
 _STDERR: Final = 2
 
+_log = logging.getLogger(__name__)
+
 
 def load_physics() -> None:
     """Import PyBullet; its C code greets on the standard error output, which is closed to it.
@@ -19,11 +22,13 @@ def load_physics() -> None:
     """
     with _silent():
         try:
-            import pybullet  # noqa: F401
+            import pybullet
         except ModuleNotFoundError:
             raise EmulatorError(
                 "the emulator needs PyBullet: pip install 'khepera-macor[emulator]'"
             ) from None
+    if not pybullet.isNumpyEnabled():
+        _log.info("this PyBullet was built without NumPy: it draws things, not walls, more slowly")
 
 
 @contextmanager

@@ -11,8 +11,8 @@ import json
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import NamedTuple, Self, TypeVar, cast
@@ -27,9 +27,10 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.wire_log import WireLog
 from khepera_emulator.wire_tap import WireTap
 from protocol.keys import DESCRIBE, EMULATOR, EMULATOR_KEYS, SCHEMA_MEDIA_TYPE, Key, schema_name
+from protocol.schema import schema_of
 from protocol.side_channel import CameraQuery, Payload, Reset, Stamp, robot_key
 from protocol.text import printable
-from protocol.zenoh_config import zenoh_config
+from protocol.zenoh_session import EndpointInUseError, SessionError, open_session
 
 _log = logging.getLogger(__name__)
 
@@ -97,9 +98,7 @@ class SideChannel:
             self._session: zenoh.Session = (
                 beside._session
                 if beside
-                else stack.enter_context(
-                    _open_from(config) if config else _open_session(listen, connect)
-                )
+                else stack.enter_context(open_zenoh(listen, connect, config))
             )
             session = self._session
             self._tap = WireTap()
@@ -223,7 +222,7 @@ class _Replier:
 
         with _Guard(refuse):
             if DESCRIBE in query.parameters and self._key.payload:
-                schema = json.dumps(self._key.payload.model_json_schema())
+                schema = json.dumps(schema_of(self._key.payload))
                 query.reply(self.name, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
             elif not self._key.acts or str(query.key_expr) == self.name:
                 self._reply(query, emulator)
@@ -385,27 +384,26 @@ def _stamp(sequence: int, emulator: Emulator) -> str:
     return Stamp(sequence=sequence, time=emulator.now).model_dump_json()
 
 
-def _open_from(config: Path) -> zenoh.Session:
-    try:
-        return zenoh.open(zenoh.Config.from_file(str(config)))
-    except zenoh.ZError as error:
-        reason = str(error).partition(" at /")[0]
-        raise EmulatorError(f"cannot open a Zenoh session as {config} says: {reason}") from None
+@contextmanager
+def open_zenoh(
+    listen: Sequence[str], connect: Sequence[str], config: Path | None
+) -> Iterator[zenoh.Session]:
+    """Open the session of an emulator for as long as it is used.
 
+    Raises:
+        EmulatorError: an endpoint is malformed or in use, or the configuration cannot be used.
+    """
+    """Open the session of an emulator.
 
-def _open_session(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Session:
-    try:
-        return zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect)))
-    except zenoh.ZError as error:
-        where = ", ".join(listen)
-        if "Address already in use" in str(error):
-            raise EmulatorError(
-                f"another program listens on {where} already; give another --listen endpoint,"
-                " or --no-zenoh"
-            ) from None
-        # the library's text ends with places in its own source
-        reason = str(error).partition(" at /")[0]
-        raise EmulatorError(
-            f"cannot open a Zenoh session on {where}: {reason}; an endpoint looks like"
-            " tcp/127.0.0.1:7447"
-        ) from None
+    Raises:
+        EmulatorError: an endpoint is malformed or in use, or the configuration cannot be used.
+    """
+    with ExitStack() as stack:
+        try:
+            session = stack.enter_context(open_session(listen, connect, config))
+        except EndpointInUseError as error:
+            raise EmulatorError(f"{error}; give another --listen endpoint, or --no-zenoh") from None
+        except SessionError as error:
+            hint = "" if config else "; an endpoint looks like tcp/127.0.0.1:7447"
+            raise EmulatorError(f"{error}{hint}") from None
+        yield session

@@ -1,15 +1,20 @@
 """The latest entries of a robot's wire log, kept in memory for those who watch the line."""
 
 from collections import deque
-from itertools import islice
+from itertools import accumulate, islice, takewhile
 
 from khepera_emulator.faults import Happening
 from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.wire_log import WireLog
-from protocol.side_channel import Wire, WireEntry
+from protocol.side_channel import MOST_TEXT, Wire, WireEntry
 
 MOST_ENTRIES = 1024
 """Entries kept: a second's worth of a line in heavy use."""
+
+MOST_TOLD = 100_000
+"""Characters told at once, the latest ones: no watcher needs more, and a message has an end."""
+
+_CUT = "…"
 
 
 class WireTap:
@@ -63,7 +68,9 @@ class WireTap:
     def since(self, number: int) -> Wire:
         """Entries from a number on, as far as they are still there."""
         lost = self.count - len(self._entries)
-        first = max(number, lost)
+        sizes = accumulate(len(text) for _, _, text in reversed(self._entries))
+        told = sum(1 for _ in takewhile(lambda size: size <= MOST_TOLD, sizes))
+        first = max(number, self.count - told)
         return Wire(
             first=first,
             entries=[
@@ -77,5 +84,8 @@ class WireTap:
         )
 
     def _add(self, time: float, what: str, text: bytes | str) -> None:
+        if len(text) > MOST_TEXT:
+            whole = text.decode("latin-1") if isinstance(text, bytes) else text
+            text = whole[: MOST_TEXT - 1] + _CUT
         self._entries.append((time, what, text))
         self.count += 1

@@ -6,10 +6,10 @@ For set-up and scoring only. A physical robot has no bench, and nothing that dri
 from typing import Any, Protocol, TypeVar
 
 import zenoh
-from pydantic import ValidationError
 
 from macor_hil.errors import BenchError
-from protocol.side_channel import Outline, Payload, Reset, Truth, robot_key
+from protocol.side_channel import Outline, Payload, PayloadError, Reset, Truth, robot_key
+from protocol.zenoh_reply import refusal
 
 _P = TypeVar("_P", bound=Payload)
 
@@ -95,10 +95,9 @@ class ZenohBench:
         key = robot_key(self._robot, leaf)
         for reply in self._session.get(key, payload=payload, timeout=PATIENCE):
             if reply.ok is None:
-                reason = reply.err.payload.to_string() if reply.err else "no reason given"
-                raise BenchError(f"the emulator answers on {key}: {reason}")
+                raise BenchError(f"the emulator answers on {key}: {refusal(reply)}")
             try:
-                return kind.model_validate_json(reply.ok.payload.to_bytes())
-            except ValidationError as error:
+                return kind.parse(reply.ok.payload.to_bytes())
+            except PayloadError as error:
                 raise BenchError(f"what came from {key} is no {kind.__name__}: {error}") from None
         raise BenchError(f"no emulator answers on the Zenoh key {key}; is it running?")

@@ -4,8 +4,10 @@ No port, camera, file or clock: a picture goes in and a situation comes out.
 """
 
 from dataclasses import dataclass, field
+from typing import Annotated, Final
 
 import numpy as np
+from pydantic import Field
 
 from macor_hil.clustering.fuzzy_art import FuzzyArt, Resonance
 from macor_hil.clustering.membership import WIDTH, Array, Prototypes, placed
@@ -16,15 +18,20 @@ from macor_hil.reinforcement import Reinforcement
 from macor_hil.sensorimotor_map import Competence, SensorimotorMap
 from macor_hil.vision.receptive_fields import Features, ReceptiveFields
 from macor_hil.vision.unwrap import Image, PanoramaSize, Unwrapper
-from protocol.mirror import Mirror
+from protocol.mirror import Mirror, StoredMirror
 
 FIRST_COMMAND = COMMANDS.index(STRAIGHT)
 """Command that a situation counts as entered by when the robot was put there."""
+
+MOST_NODES: Final = 1000
+"""Situations of the largest map."""
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
     """Everything that decides what is learned, with the paper's values where it gives them.
+
+    The bounds are those of files.
 
     Attributes:
         nodes: n, the most situations.
@@ -38,14 +45,14 @@ class Settings:
         panorama: size of the unwrapped picture.
     """
 
-    nodes: int = 50
-    vigilance: float = 0.9
-    alpha: float = 0.001
-    sectors: int = 12
+    nodes: Annotated[int, Field(ge=1, le=MOST_NODES)] = 50
+    vigilance: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
+    alpha: Annotated[float, Field(ge=1e-9, le=1e3)] = 0.001
+    sectors: Annotated[int, Field(ge=1, le=120)] = 12
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
     competence: Competence = field(default_factory=Competence)
-    width: float = WIDTH
-    mirror: Mirror = field(default_factory=Mirror)
+    width: Annotated[float, Field(ge=1e-3, le=1e3)] = WIDTH
+    mirror: StoredMirror = field(default_factory=Mirror)
     panorama: PanoramaSize = field(default_factory=PanoramaSize)
 
 

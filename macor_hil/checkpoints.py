@@ -4,10 +4,12 @@ With a bench that resets, a checkpoint after each session is enough for the same
 A robot's commands cannot be driven again: there every command is kept as soon as it is learned.
 """
 
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
+
+from pydantic import Field, TypeAdapter
 
 from macor_hil.bench import Bench
 from macor_hil.brain import Brain, Settings
@@ -15,11 +17,31 @@ from macor_hil.cameras import Camera
 from macor_hil.caretaker import Caretaker
 from macor_hil.drive import Driver
 from macor_hil.errors import MapError
+from macor_hil.input_files import InputError, checked
 from macor_hil.map_file import load_map, save_map
 from macor_hil.training import Phase, Schedule, Session, Trainer
 
 _FACTS: Final = {"place": "port", "drive": "wheels or speeds"}
 """What to call facts that a training must have in common with its checkpoint."""
+_Feature = Annotated[float, Field(ge=-10.0, le=10.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Progress:
+    """How far the training of a checkpoint is; the bounds are those of files.
+
+    Attributes:
+        sessions: that are done.
+        done: commands of the next one that are driven.
+        seen: features that have been seen in tuning, while that is the next one.
+    """
+
+    sessions: Annotated[int, Field(ge=0)]
+    done: Annotated[int, Field(ge=0)] = 0
+    seen: list[list[_Feature]] = field(default_factory=list)
+
+
+_PROGRESS: Final = TypeAdapter(_Progress)
 
 
 def checkpoint_path(path: Path) -> Path:
@@ -65,7 +87,7 @@ def train_map(
     brain, first, done = Brain(settings), 0, 0
     seen: list[list[float]] = []
     if part.exists():
-        brain, first, done, seen = _resume(part, settings, facts)
+        brain, first, done, seen = _resume(part, settings, schedule, facts)
     trainer = Trainer(brain, driver, camera, bench, schedule, care)
     trainer.seen = seen
     sessions = schedule.sessions()
@@ -125,7 +147,7 @@ def _save_with_a_hand(
 
 
 def _resume(
-    part: Path, settings: Settings, facts: dict[str, Any]
+    part: Path, settings: Settings, schedule: Schedule, facts: dict[str, Any]
 ) -> tuple[Brain, int, int, list[list[float]]]:
     """The brain, sessions done, commands done of the next one, and what was seen in tuning."""
     brain, training = load_map(part)
@@ -137,7 +159,30 @@ def _resume(
             f"the checkpoint {part} is of another training (its {other} differ); finish that one"
             " with its own options and --profile, or begin anew with --restart"
         )
-    return brain, int(training["sessions"]), int(training.get("done", 0)), training.get("seen", [])
+    given = {name: value for name, value in training.items() if name not in facts}
+    try:
+        progress = checked(_PROGRESS, given)
+        _check_fits(progress, schedule.sessions(), brain.fields.size)
+    except InputError as error:
+        raise MapError(
+            f"the checkpoint {part} is damaged: {error}; begin anew with --restart"
+        ) from None
+    return brain, progress.sessions, progress.done, progress.seen
+
+
+def _check_fits(progress: _Progress, sessions: Sequence[Session], features: int) -> None:
+    """Refuse progress that no training of these sessions can have made.
+
+    Raises:
+        InputError: it does not fit.
+    """
+    done, seen = progress.done, progress.seen
+    session = sessions[progress.sessions] if progress.sessions < len(sessions) else None
+    tuning = session is not None and session.phase is Phase.TUNING
+    if progress.sessions > len(sessions) or done >= (session.length if session else 1):
+        raise InputError("it has driven more than is to be driven")
+    if len(seen) != (done if tuning else 0) or any(len(row) != features for row in seen):
+        raise InputError("what was seen in tuning does not fit what was driven")
 
 
 def _plain(value: dict[str, Any]) -> dict[str, Any]:

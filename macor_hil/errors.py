@@ -12,8 +12,10 @@ MacorError
  |    +-- CameraLostError     none came
  |    +-- CameraLateError     it came too late
  |    +-- CameraFrozenError   the same one again
- |    +-- CameraDarkError     nothing can be seen in it
- |    +-- WrongPictureError   it has another size or format than it should
+ |    +-- CameraDarkError     nothing can be seen in it: it is dark
+ |    +-- CameraFlatError     nothing can be seen in it: all of it is alike, such as white
+ |    +-- WrongPictureError   it has another size or format than it should, or is damaged
+ |    +-- CameraSourceError   it comes from another source than before, or from several
  +-- ProfileError           a robot's profile that is missing, damaged, or of another version
  +-- CalibrationError       moves that tell nothing of the wheels, or nothing possible
  +-- MapError               a map file that is missing, damaged, or of another version
@@ -82,11 +84,19 @@ class CameraFrozenError(CameraError):
 
 
 class CameraDarkError(CameraError):
-    """Nothing can be seen in the picture."""
+    """Nothing can be seen in the picture: it is dark."""
+
+
+class CameraFlatError(CameraError):
+    """Nothing can be seen in the picture: all of it is alike, such as white or grey."""
 
 
 class WrongPictureError(CameraError):
-    """The picture has another size or format than the mirror was described for."""
+    """The picture is damaged, or of another size or format than it should be."""
+
+
+class CameraSourceError(CameraError):
+    """Pictures come from another source than before, or from several."""
 
 
 class ProfileError(MacorError):

@@ -5,6 +5,7 @@ one's own) they stay its owner's; `unwind_on_signals` only keeps them from endin
 without a stop of the robot, and `undisturbed` holds them back while the robot is being stopped.
 """
 
+import _thread
 import signal
 import threading
 import time
@@ -13,6 +14,15 @@ from contextlib import contextmanager
 from math import inf
 from types import FrameType
 from typing import Final, Self
+
+_LOCKING: Final = ("threading", "queue")
+"""Modules written in Python whose locks an exception at any place may leave locked."""
+
+_AGAIN: Final = 0.02
+"""Seconds after which an exception that was not raised within them is tried again."""
+
+_TRIES: Final = 10
+"""Times that it is tried: whoever is there longer than that waits, and locks nothing."""
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 """What tells a program to end: the keys Ctrl-C and Ctrl-\\, `kill`, a closed terminal."""
@@ -29,8 +39,9 @@ class Interruption:
 
     The first signal holds back those of the next second, so that whoever was interrupted can put
     things in order undisturbed; later ones raise again, because a KeyboardInterrupt may get lost.
-    `hold` holds back all until `release`. Outside the main thread it does nothing. SIGINT is taken
-    over even where a shell has it ignored (a script's background job), SIGHUP is not (`nohup`).
+    `hold` holds back all until `release`. A signal that comes within a lock written in Python is
+    raised right after it. Outside the main thread nothing is done. SIGINT is taken over even where
+    a shell has it ignored (a script's background job), SIGHUP is not (`nohup`).
 
     Args:
         told: another way of being told to end: its name, or nothing, whenever `check` asks.
@@ -46,6 +57,7 @@ class Interruption:
         self._told = told
         self._held = False
         self._raised = -inf
+        self._tries = 0
         self._before: dict[signal.Signals, signal._HANDLER] = {}
 
     def __enter__(self) -> Self:
@@ -58,6 +70,7 @@ class Interruption:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._tries = 0
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
@@ -72,6 +85,7 @@ class Interruption:
         """
         self.name = self.name or self._told()
         if self.name:
+            self._tries = 0
             raise KeyboardInterrupt
 
     def hold(self) -> None:
@@ -83,12 +97,36 @@ class Interruption:
         self._held = False
         self._raised = -inf
 
-    def _come(self, number: int, _: FrameType | None) -> None:
+    def _come(self, number: int, frame: FrameType | None) -> None:
         self.name = self.name or signal.Signals(number).name
         now = time.monotonic()
-        if not self._held and now - self._raised > _ORDERLY:
-            self._raised = now
-            raise KeyboardInterrupt
+        if self._held or now - self._raised <= _ORDERLY:
+            return
+        if self._tries < _TRIES and _may_lock(frame):
+            self._tries += 1
+            # no Thread, whose beginning takes one of those locks
+            _thread.start_new_thread(self._come_again, (number,))
+            return
+        self._raised, self._tries = now, 0
+        raise KeyboardInterrupt
+
+    def _come_again(self, number: int) -> None:
+        time.sleep(_AGAIN)
+        if self._tries:  # nobody has raised it meanwhile
+            # a signal again, which ends a wait, too
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
+
+
+def _may_lock(frame: FrameType | None) -> bool:
+    """Tell whether a frame is within a Condition, an Event or a Queue, such as those of pySerial.
+
+    What they lock between two lines of Python would stay locked, and the stop of the robot hang.
+    """
+    while frame is not None:
+        if frame.f_globals.get("__name__") in _LOCKING:
+            return True
+        frame = frame.f_back
+    return False
 
 
 def interruption_in_charge() -> Interruption | None:

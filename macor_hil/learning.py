@@ -1,21 +1,39 @@
-"""Learning from recordings: what a robot saw and did, taken in as if it happened now."""
+"""Learning from recordings: what a robot saw and did, taken in as if it happened now.
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+Frames and decisions come over two keys and may stand in a recording in any order. A decision names
+the time of the frame that it was made on, and the frame after its command is the next one by
+number: no order is needed to find both.
+"""
 
-import cv2
+import logging
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
 import numpy as np
 
 from macor_hil.brain import FIRST_COMMAND, Brain
+from macor_hil.cameras.decoding import decode_picture
 from macor_hil.drive import COMMANDS
-from macor_hil.errors import RecordingError
-from macor_hil.telemetry.feed import Arrival, Event
+from macor_hil.errors import CameraError, RecordingError, WrongPictureError
+from macor_hil.reinforcement import MOST
+from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.keys import DECISION, FRAME
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.vision.receptive_fields import Features
+from macor_hil.vision.unwrap import Image
+from protocol.keys import CONTROLLER
 
-_SAME_TIME = 1e-6
+_log = logging.getLogger(__name__)
+
+_NAMES: Final = [command.name for command in COMMANDS]
+
+_TICK: Final = 1e-6
 """Seconds by which the stamp of a frame may differ from the time that a decision names."""
+
+_OUT_OF_ORDER: Final = 16
+"""By how much numbers step back within a run at most; a run that begins counts from 0 again."""
 
 
 class Moment(NamedTuple):
@@ -34,8 +52,50 @@ class Moment(NamedTuple):
     collided: bool
 
 
-def learn(brain: Brain, recordings: Iterable[Sequence[Event]], rng: np.random.Generator) -> int:
-    """Tune a brain's eyes to what was seen, then learn what followed what.
+class _Driven(NamedTuple):
+    """What is learned of a decision: on which frame it was made, and what came of it."""
+
+    frame_time: float
+    command: int
+    reinforcement: float
+    collided: bool
+
+
+@dataclass
+class _Run:
+    """Frames and decisions of one run of a controller.
+
+    Attributes:
+        frames: untuned features by the frames' numbers.
+        decisions: by their numbers.
+        newest: greatest number of a frame so far.
+    """
+
+    frames: dict[int, Features] = field(default_factory=dict)
+    decisions: dict[int, _Driven] = field(default_factory=dict)
+    newest: int = -1
+    _numbers: dict[int, int] = field(default_factory=dict)
+
+    def number_at(self, time: float) -> int | None:
+        """Return the number of the frame of a time, or None."""
+        tick = round(time / _TICK)
+        near = (self._numbers.get(tick + k) for k in (0, -1, 1))
+        return next((number for number in near if number is not None), None)
+
+    def cannot_have(self, number: int, time: float) -> bool:
+        """Return whether a frame of this number and time must be of another run."""
+        taken = number in self.frames and self.number_at(time) != number
+        return taken or number < self.newest - _OUT_OF_ORDER
+
+    def add(self, number: int, time: float, features: Features) -> None:
+        """Add a frame."""
+        self.frames[number] = features
+        self._numbers[round(time / _TICK)] = number
+        self.newest = max(self.newest, number)
+
+
+def learn(brain: Brain, recordings: Iterable[Iterable[Event]], rng: np.random.Generator) -> int:
+    """Tune a brain's eyes to what was seen, then learn what followed what; tell what is left out.
 
     Args:
         brain: a new one; changed in place.
@@ -47,45 +107,111 @@ def learn(brain: Brain, recordings: Iterable[Sequence[Event]], rng: np.random.Ge
 
     Raises:
         RecordingError: there is no decision with its frames among the events.
-        CameraError: the frames do not fit the mirror of the brain's settings.
+        CameraError: no frame fits the mirror of the brain's settings.
     """
-    drives = [list(_moments(brain, events)) for events in recordings]
+    left_out = Counter[str]()
+    runs = [run for events in recordings for run in _runs(brain, events, left_out)]
+    drives = [list(_moments(run, left_out)) for run in runs]
     driven = sum(moment.command is not None for drive in drives for moment in drive)
+    if left_out:
+        what = "; ".join(f"{reason}: {count:,}" for reason, count in left_out.items())
+        _log.warning("left out: %s", what)
     if not driven:
         raise RecordingError("there is no decision with the frames before and after it")
     brain.tune(np.array([moment.raw for drive in drives for moment in drive]), rng)
     for drive in drives:
-        before: tuple[int, Features] | None = None
-        for moment in drive:
-            node = brain.recognise(moment.raw, learn=True).node
-            command = FIRST_COMMAND if moment.command is None else moment.command
-            neuron = brain.map.neuron(node, command)
-            if before is not None and moment.command is not None:
-                brain.map.learn(before[0], neuron, moment.reinforcement)
-                brain.experience(before[1], command, moment.raw, collided=moment.collided)
-            before = neuron, moment.raw
+        _take_in(brain, drive)
     return driven
 
 
-def _moments(brain: Brain, events: Sequence[Event]) -> Iterator[Moment]:
-    """Frames in the order in which they were seen, with the decision between each two."""
-    names = [command.name for command in COMMANDS]
-    last: float | None = None
-    seen: list[tuple[float, Features]] = []
+def _take_in(brain: Brain, drive: Iterable[Moment]) -> None:
+    before: tuple[int, Features] | None = None
+    for moment in drive:
+        node = brain.recognise(moment.raw, learn=True).node
+        command = FIRST_COMMAND if moment.command is None else moment.command
+        neuron = brain.map.neuron(node, command)
+        if before is not None and moment.command is not None:
+            brain.map.learn(before[0], neuron, moment.reinforcement)
+            brain.experience(before[1], command, moment.raw, collided=moment.collided)
+        before = neuron, moment.raw
+
+
+def _runs(brain: Brain, events: Iterable[Event], left_out: Counter[str]) -> list[_Run]:
+    """Sort frames and decisions into the runs that they are of.
+
+    Raises:
+        CameraError: no frame fits the mirror of the brain's settings.
+    """
+    runs, misfit = [_Run()], None
     for event in events:
-        if not isinstance(event, Arrival):
-            continue
-        if event.leaf == FRAME and event.stamp:
-            image = cv2.imdecode(np.frombuffer(event.data, np.uint8), cv2.IMREAD_COLOR)
-            if image is not None:
-                seen.append((event.stamp.time, brain.look(np.asarray(image, dtype=np.uint8))))
+        if isinstance(event, Presence):
+            # not while a run has but begun: its first frame may have come before
+            if event.side == CONTROLLER and event.alive and runs[-1].decisions:
+                runs.append(_Run())
         elif event.leaf == DECISION:
-            decision = Decision.model_validate_json(event.data)
-            # the frame after a command was taken before its decision is told
-            if len(seen) < 2 or abs(seen[-2][0] - decision.frame_time) > _SAME_TIME:
-                continue  # a frame did not arrive
-            if seen[-2][0] != last:
-                yield Moment(seen[-2][1], None, 0.0, False)
-            command = names.index(decision.command)
-            yield Moment(seen[-1][1], command, decision.reinforcement, decision.collided)
-            last = seen[-1][0]
+            _add_decision(runs, event, left_out)
+        elif event.leaf == FRAME:
+            try:
+                _add_frame(runs, event, brain, left_out)
+            except CameraError as error:
+                left_out["frames that do not fit the mirror"] += 1
+                misfit = misfit or error
+    if misfit is not None and not any(run.frames for run in runs):
+        raise misfit
+    return runs
+
+
+def _add_frame(runs: list[_Run], event: Arrival, brain: Brain, left_out: Counter[str]) -> None:
+    """Add a frame to its run, which may be a new one.
+
+    Raises:
+        CameraError: it does not fit the mirror of the brain's settings.
+    """
+    image = _decoded(event.data)
+    if event.stamp is None or image is None:
+        left_out["frames without a picture or a stamp"] += 1
+        return
+    number, time = event.stamp.sequence, event.stamp.time
+    if runs[-1].cannot_have(number, time):
+        runs.append(_Run())
+    runs[-1].add(number, time, brain.look(image))
+
+
+def _add_decision(runs: list[_Run], event: Arrival, left_out: Counter[str]) -> None:
+    """Add a decision to its run, which may be a new one."""
+    try:
+        decision = Decision.model_validate_json(event.data)
+    except ValueError:
+        decision = None
+    if decision is None or decision.command not in _NAMES or abs(decision.reinforcement) > MOST:
+        left_out["decisions that cannot be read"] += 1
+        return
+    command = _NAMES.index(decision.command)
+    driven = _Driven(decision.frame_time, command, decision.reinforcement, decision.collided)
+    if runs[-1].decisions.setdefault(decision.sequence, driven) != driven:
+        runs.append(_Run(decisions={decision.sequence: driven}))
+
+
+def _decoded(data: bytes) -> Image | None:
+    try:
+        return decode_picture(data, "a recorded frame is no picture")
+    except WrongPictureError:
+        return None
+
+
+def _moments(run: _Run, left_out: Counter[str]) -> Iterator[Moment]:
+    """Return frames in the order in which they were seen, with the decision between each two."""
+    last: int | None = None
+    for _, driven in sorted(run.decisions.items()):
+        number = run.number_at(driven.frame_time)
+        if number is None:
+            left_out["decisions without the frame before them"] += 1
+            continue
+        after = run.frames.get(number + 1)
+        if after is None:
+            left_out["decisions without the frame after them"] += 1
+            continue
+        if number != last:
+            yield Moment(run.frames[number], None, 0.0, False)
+        yield Moment(after, driven.command, driven.reinforcement, driven.collided)
+        last = number + 1

@@ -1,14 +1,13 @@
 """One live run: drives by a map, counts, publishes, and gets over failures of robot and camera."""
 
 import logging
-import threading
-import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Final, Self
 
 import numpy as np
+from pydantic import ValidationError
 
 from macor_hil.agent import Agent, Step
 from macor_hil.brain import Brain
@@ -19,6 +18,7 @@ from macor_hil.drive import LONGEST_WAY, Driver, DriveSettings, all_of
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware import Hardware, is_embedded
 from macor_hil.interruption import Interruption
+from macor_hil.late_bell import LateBell
 from macor_hil.memory import Memory
 from macor_hil.odometry import integrate
 from macor_hil.planners.planner import Now, Plan, Planner
@@ -28,7 +28,9 @@ from macor_hil.standstill import standing_on_failure
 from macor_hil.telemetry.decisions import decision_of, learned_of, link_of
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
 from macor_hil.telemetry.schemas import Decision, Odometry, Phase, State
+from macor_hil.telemetry.steady_clock import SteadyClock
 from macor_hil.trials import drive
+from protocol.side_channel import MOST_TEXT, first_fault
 
 _log = logging.getLogger(__name__)
 
@@ -80,8 +82,8 @@ class LiveRun:
         self._odometry = Odometry(pose=config.start, counters=(0, 0))
         self._in_a_row = 0
         # an embedded robot's clock begins when its port is opened
-        self._clock: Callable[[], float] = time.time
-        self._time = 0.0 if is_embedded(config.port) else time.time()
+        self._clock: Callable[[], float] = SteadyClock().seconds
+        self._time = 0.0 if is_embedded(config.port) else self._clock()
 
     def __enter__(self) -> Self:
         self._say(Phase.STARTING)
@@ -109,14 +111,18 @@ class LiveRun:
             self._clock = hardware.robot.clock
         camera = CheckedCamera(hardware.camera, limits_for(brain.unwrap.mirror))
         rng = np.random.default_rng(self._config.seed)
-        timed = _TimedPlanner(planner, self._thinking)
         self._tell_map(brain)
         with (
             CameraWatch(camera, self._config.camera_limit) as watch,
-            # the inner one: the end of the watch may wait for a picture
+            self._bell() as bell,
+            # the inner one: the robot is stopped first
             standing_on_failure(hardware.robot, LONGEST_WAY),
         ):
-            guard = all_of(self._interruption.check, watch.guard)
+            timed = _TimedPlanner(planner, bell, lambda: self._say(Phase.DRIVING))
+            guards = [self._interruption.check, watch.guard]
+            if self._publisher:
+                guards.append(self._publisher.check)
+            guard = all_of(*guards)
             driver = Driver(hardware.robot, self._settings, guard)
             agent = Agent(brain, driver, self._watched(camera))
             while True:
@@ -176,28 +182,16 @@ class LiveRun:
             else:
                 return
 
-    @contextmanager
-    def _thinking(self) -> Iterator[None]:
-        """While the planner is at it: after a while, say so. The robot stands meanwhile."""
+    def _bell(self) -> LateBell:
+        """Rings when the planner has not decided for a while. The robot stands meanwhile."""
         limit = self._config.planner_limit
         reason = f"the planner has not decided for {limit:g} s; the robot stands"
-        late = threading.Event()
 
-        def tell() -> None:
-            late.set()
+        def ring() -> None:
             _log.warning(reason)
             self._say(Phase.LATE, reason)
 
-        timer = threading.Timer(limit, tell)
-        timer.daemon = True
-        timer.start()
-        try:
-            yield
-        finally:
-            timer.cancel()
-            if late.is_set():
-                timer.join()
-                self._say(Phase.DRIVING)
+        return LateBell(limit, ring)
 
     def _watched(self, camera: Camera) -> Camera:
         return WatchedCamera(camera, self._publisher.frame) if self._publisher else camera
@@ -205,25 +199,27 @@ class LiveRun:
     def _tell_map(self, brain: Brain) -> None:
         self._time = self._clock()
         if self._publisher:
-            self._publisher.learned(learned_of(brain), self._time)
+            with _telling():
+                self._publisher.learned(learned_of(brain), self._time)
 
     def _count(self, step: Step, brain: Brain) -> None:
         self.total += step.reinforcement
         self._odometry = self._advance(step.outcome.counters)
-        decision = decision_of(
-            step,
-            fields=brain.fields,
-            time=self._time,
-            sequence=self.driven,
-            total_reinforcement=self.total,
-            odometry=self._odometry,
-        )
-        self.driven += 1
-        if self._publisher:
-            self._publisher.decision(decision)
-        self._say(Phase.DRIVING)
-        if self._on_step:
-            self._on_step(decision)
+        sequence, self.driven = self.driven, self.driven + 1
+        with _telling():
+            decision = decision_of(
+                step,
+                fields=brain.fields,
+                time=self._time,
+                sequence=sequence,
+                total_reinforcement=self.total,
+                odometry=self._odometry,
+            )
+            if self._publisher:
+                self._publisher.decision(decision)
+            self._say(Phase.DRIVING)
+            if self._on_step:
+                self._on_step(decision)
 
     def _advance(self, counters: tuple[int, int]) -> Odometry:
         before = self._odometry
@@ -233,29 +229,44 @@ class LiveRun:
     def _say(self, phase: Phase, reason: str = "") -> None:
         if self._publisher is None:
             return
-        state = State(
-            phase=phase,
-            planner=self._config.planner,
-            port=self._config.port,
-            camera=self._config.camera,
-            map=str(self._config.map_file),
-            driven=self.driven,
-            limit=self._config.commands,
-            reason=reason,
-        )
-        self._publisher.state(state, self._time)
+        with _telling():
+            state = State(
+                phase=phase,
+                planner=self._config.planner[:MOST_TEXT],
+                port=self._config.port[:MOST_TEXT],
+                camera=self._config.camera[:MOST_TEXT],
+                map=str(self._config.map_file)[:MOST_TEXT],
+                driven=self.driven,
+                limit=self._config.commands,
+                reason=reason[:MOST_TEXT],
+            )
+            self._publisher.state(state, self._time)
+
+
+@contextmanager
+def _telling() -> Iterator[None]:
+    """Log what is out of the bounds of its payload: a robot drives on though nobody hears of it."""
+    try:
+        yield
+    except ValidationError as error:
+        _log.warning("something could not be told: %s", first_fault(error))
 
 
 class _TimedPlanner:
-    """A planner that is watched while it plans."""
+    """A planner that is timed while it plans.
 
-    def __init__(
-        self, planner: Planner, watched: Callable[[], AbstractContextManager[None]]
-    ) -> None:
+    Args:
+        planner: who plans.
+        bell: rings when it takes long.
+        decided: called when it has decided after that.
+    """
+
+    def __init__(self, planner: Planner, bell: LateBell, decided: Callable[[], None]) -> None:
         self._planner = planner
-        self._watched = watched
+        self._bell = bell
+        self._decided = decided
 
     def plan(self, memory: Memory, now: Now) -> Plan:
         """What the planner makes of it."""
-        with self._watched():
+        with self._bell.timing(self._decided):
             return self._planner.plan(memory, now)

@@ -2,9 +2,15 @@
 
 from dataclasses import dataclass
 from math import cos, sin
+from typing import Annotated
+
+from pydantic import Field
 
 from protocol.side_channel import Pose
 from protocol.units import PULSE, WHEEL_BASE
+
+_Count = Annotated[float, Field(ge=PULSE / 2, le=PULSE * 2)]
+_Base = Annotated[float, Field(ge=WHEEL_BASE / 2, le=WHEEL_BASE * 2)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,13 +18,13 @@ class Wheels:
     """What the counts of a robot's wheels mean; `macor-hil calibrate` measures it.
 
     Attributes:
-        left, right: metres a count.
-        base: metres between the wheels.
+        left, right: metres a count; in files at most a factor of two from the nominal value.
+        base: metres between the wheels; likewise.
     """
 
-    left: float = PULSE
-    right: float = PULSE
-    base: float = WHEEL_BASE
+    left: _Count = PULSE
+    right: _Count = PULSE
+    base: _Base = WHEEL_BASE
 
     def counts(self, way: float, turn: float) -> tuple[float, float]:
         """Counts of both wheels for an arc of a length in metres that turns by radians."""

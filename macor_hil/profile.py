@@ -8,13 +8,15 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 from pydantic_core import from_json, to_json
 
 from macor_hil.errors import ProfileError
+from macor_hil.input_files import MIB, InputError, checked, read_bounded
 from macor_hil.map_file import write_atomically
 from macor_hil.odometry import Wheels
-from protocol.mirror import Mirror
+from protocol.mirror import StoredMirror
+from protocol.text import printable
 
 FORMAT: Final = "khepera profile"
 VERSION: Final = 1
@@ -30,55 +32,56 @@ class RobotProfile:
         notes: when and how something was measured, a line for each.
     """
 
-    mirror: Mirror | None = None
+    mirror: StoredMirror | None = None
     wheels: Wheels = field(default_factory=Wheels)
     notes: dict[str, str] = field(default_factory=dict)
 
 
 _ADAPTER = TypeAdapter(RobotProfile)
+_MOST_BYTES: Final = MIB
 
 
 def load_profile(path: Path) -> RobotProfile:
     """Read a profile.
 
     Raises:
-        ProfileError: no such file, no profile, or one of another version.
+        ProfileError: no such file, no profile, one of another version, or one that no robot has.
     """
     try:
-        data: Any = from_json(path.read_bytes())
+        data: Any = from_json(read_bounded(path, _MOST_BYTES))
     except FileNotFoundError:
         raise ProfileError(
             f"there is no profile {path}; measure the wheels with: macor-hil calibrate --profile"
             f" {path}, or the mirror with: macor-hil camera --calibrate --profile {path}"
         ) from None
-    except (OSError, ValueError) as error:
+    except ValueError as error:  # an InputError, or no JSON
         raise ProfileError(f"{path} is not a robot's profile: {error}") from None
     if not isinstance(data, dict) or data.pop("format", None) != FORMAT:
         raise ProfileError(f"{path} is not a robot's profile: it does not say that it is one")
     version = data.pop("version", None)
     if version != VERSION:
         raise ProfileError(
-            f"{path} is a profile of version {version}, this program reads version {VERSION}"
+            f"{path} is a profile of version {printable(str(version), 20)}, this program reads"
+            f" version {VERSION}"
         )
     try:
-        profile = _ADAPTER.validate_python(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise ProfileError(f"the profile {path} is damaged: {place}: {first['msg']}") from None
-    wheels = profile.wheels
-    if min(wheels.left, wheels.right, wheels.base) <= 0.0:
-        raise ProfileError(f"the profile {path} is damaged: its wheels have no size")
-    return profile
+        return checked(_ADAPTER, data)
+    except InputError as error:
+        raise ProfileError(f"the profile {path} is damaged: {error}") from None
 
 
 def save_profile(path: Path, profile: RobotProfile) -> None:
     """Write a profile; whoever reads the path sees the old one or the new one, whole.
 
     Raises:
-        ProfileError: the file cannot be written.
+        ProfileError: the file cannot be written, or no robot is as it says.
     """
-    contents = {"format": FORMAT, "version": VERSION, **asdict(profile)}
+    data = asdict(profile)
+    try:
+        checked(_ADAPTER, data)
+    except InputError as error:
+        raise ProfileError(f"{path} is not written, as no robot is like that: {error}") from None
+    contents = {"format": FORMAT, "version": VERSION, **data}
     write_atomically(path, to_json(contents, indent=2) + b"\n", ProfileError)
 
 

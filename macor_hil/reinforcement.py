@@ -7,17 +7,25 @@ anticipative one, which mostly turns.
 """
 
 from dataclasses import dataclass
+from typing import Annotated, Final
+
+from pydantic import Field
 
 from macor_hil.drive import MotorCommand
+
+MOST: Final = 1000.0
+"""Greatest reinforcement, either way, that a map's file may hold."""
+
+_Earned = Annotated[float, Field(ge=-MOST, le=MOST)]
 
 
 @dataclass(frozen=True, slots=True)
 class Reinforcement:
     """Earned by straight on, by a turn, and by a collision."""
 
-    straight: float = 0.62
-    turn: float = 0.54
-    collision: float = 0.0
+    straight: _Earned = 0.62
+    turn: _Earned = 0.54
+    collision: _Earned = 0.0
 
     def __call__(self, command: MotorCommand, collided: bool) -> float:
         """What a command earned."""

@@ -7,10 +7,11 @@ the square of its neurons.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -25,9 +26,9 @@ class Competence:
         w_max: the greatest weight, below 1 so that activity shrinks with every transition.
     """
 
-    mu: float = 2.8
-    sigma: float = 0.4
-    w_max: float = 0.95
+    mu: Annotated[float, Field(ge=-100.0, le=100.0)] = 2.8
+    sigma: Annotated[float, Field(ge=0.2, le=1e3)] = 0.4
+    w_max: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
 
     def __call__(self, z: NDArray[np.int64] | np.int64) -> Array:
         """w^c of transitions adapted z times; 0 for those that never occurred.

@@ -19,8 +19,8 @@ from macor_hil.hardware import open_hardware
 from macor_hil.interruption import Interruption, signals_taken_over
 from macor_hil.live_run import LiveRun, OnStep
 from macor_hil.map_file import load_map
-from macor_hil.planners import PLANNERS
 from macor_hil.planners.planner import Planner
+from macor_hil.planners.table import PLANNERS
 from macor_hil.profile import load_profile
 from macor_hil.service_config import Ending, RunReport, ServiceConfig
 from macor_hil.telemetry.publisher import Publisher

@@ -1,5 +1,5 @@
 """What a Khepera and its host agree on: bytes, messages, units and keys.
 
-No I/O, no clock and no thread: bytes go in, values come out. The emulator and the controller
-both stand on this package and on nothing of each other.
+No clock, no thread and, but for opening a Zenoh session, no I/O: bytes go in, values come out. The
+emulator and the controller both stand on this package and on nothing of each other.
 """

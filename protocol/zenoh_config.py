@@ -2,12 +2,15 @@
 
 A peer listens on the endpoints that it is given and nowhere else, looks for nobody by multicast,
 and learns from the peers that it connects to of all others (gossip): whoever connects to the
-emulator also finds the controller. Nothing is opened here; pass the text to
-`zenoh.Config.from_json5`.
+emulator also finds the controller. Nothing is opened here; see `protocol.zenoh_session`.
 """
 
 import json
 from collections.abc import Sequence
+from typing import Final
+
+MOST_MESSAGE: Final = 16_000_000
+"""Bytes of the longest message that is received; Zenoh drops longer ones as they come."""
 
 
 def zenoh_config(listen: Sequence[str], connect: Sequence[str]) -> str:
@@ -37,5 +40,10 @@ def zenoh_config(listen: Sequence[str], connect: Sequence[str]) -> str:
             },
             "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": True}},
             "timestamping": {"enabled": True},
+            "transport": {
+                # who receives would keep the memory and descriptors of every sender for ever
+                "shared_memory": {"enabled": False},
+                "link": {"rx": {"max_message_size": MOST_MESSAGE}},
+            },
         }
     )

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import cv2
@@ -152,7 +152,8 @@ class Rig:
             *(("--connect", self.router.endpoint) if routed else ()),
         )
         self.emulator = EmulatorProcess(*self._options)
-        self.session = open_session([], [self.endpoint])
+        self._stack = ExitStack()
+        self.session = self._stack.enter_context(open_session([], [self.endpoint]))
         self.bench = ZenohBench(self.session, "khepera")
         self.relay = CameraRelay(self.session) if relay else None
         self.controllers = []
@@ -239,7 +240,7 @@ class Rig:
 
     def close(self):
         self.end_controllers()
-        self.session.close()
+        self._stack.close()
         self.emulator.end()
         if self.router:
             self.router.kill()

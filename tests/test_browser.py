@@ -1,15 +1,11 @@
 """The dashboard in a real browser; skipped where there is no Chromium with its driver."""
 
-import os
 import re
 import shutil
-import socket
-import subprocess
-import sys
-from contextlib import contextmanager
 
 import pytest
 from controller_helpers import free_endpoint, wait_until_watched
+from dashboard_process import PATIENCE, dashboard
 from watching_helpers import a_life
 
 from macor_hil.telemetry.feed import Arrival
@@ -18,7 +14,6 @@ from macor_hil.telemetry.session import open_session
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 DRIVER = shutil.which("chromedriver")
-PATIENCE = 60.0
 
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="no Chromium with chromedriver on this machine"
@@ -38,27 +33,6 @@ def browser():
     with webdriver.Chrome(options=options, service=service) as driver:
         driver.implicitly_wait(0)
         yield driver
-
-
-@contextmanager
-def dashboard(*arguments):
-    """A dashboard process; gives its address."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    command = [sys.executable, "-u", "-m", "macor_hil.cli", "dashboard", "--port", str(port)]
-    # NiceGUI serves its own tests when it finds itself in pytest
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
-    with subprocess.Popen(
-        [*command, *arguments], stdout=subprocess.PIPE, text=True, env=environment
-    ) as process:
-        try:
-            address = process.stdout.readline().strip()
-            assert address == f"http://127.0.0.1:{port}"
-            yield address
-        finally:
-            process.terminate()
-            assert process.wait(PATIENCE) == 0
 
 
 def visit(browser, address):
@@ -131,6 +105,40 @@ def test_a_robot_appears_drives_goes_and_comes_again(browser):
         errors = [each for each in browser.get_log("browser") if each["level"] == "SEVERE"]
     assert [each for each in errors if "favicon" not in each["message"]] == []
     assert hosts(browser) == {"127.0.0.1"}
+
+
+BROKEN = """
+import sys
+from macor_hil.monitor.dashboard import charts
+def infrared(readings):
+    raise ZeroDivisionError("a defect")
+charts.infrared = infrared
+from macor_hil.cli import main
+main()
+"""
+
+
+def test_a_page_whose_drawing_fails_says_so(browser):
+    with dashboard("--connect", free_endpoint(), code=BROKEN) as address:
+        visit(browser, address)
+        until(browser, says("the page failed 1 times, please report it: ZeroDivisionError"))
+        assert says("waiting for a robot")(browser)
+
+
+def test_every_page_plays_a_recording_for_itself(browser, recording):
+    with dashboard(str(recording)) as address:
+        visit(browser, address)
+        until(browser, says("of 40 commands"))
+        first = browser.current_window_handle
+        browser.execute_script("document.querySelector('button').click()")
+        until(browser, lambda driver: "PLAY" in text_of_button(driver).upper())
+        browser.switch_to.new_window("tab")
+        visit(browser, address)
+        until(browser, says("of 40 commands"))
+        assert "PAUSE" in text_of_button(browser).upper()
+        browser.close()
+        browser.switch_to.window(first)
+        assert "PLAY" in text_of_button(browser).upper()
 
 
 def hosts(browser):

@@ -224,6 +224,24 @@ def test_the_fast_renderer_draws_what_pybullet_does(plain, heading, aside):
     assert np.mean(difference > 60) < 0.02
 
 
+@pytest.mark.parametrize("with_numpy", [True, False])
+def test_pictures_are_the_same_from_a_pybullet_without_numpy(world, monkeypatch, with_numpy):
+    expected = faces(world).render(pose(0.3))
+    draw = pybullet.getCameraImage
+
+    def given(*arguments, **more):
+        width, height, pixels, depth, body = draw(*arguments, **more)
+        if with_numpy:
+            pixels = np.asarray(pixels, np.uint8).reshape(height, width, 4)
+            body = np.asarray(body, np.int32).reshape(height, width)
+        else:
+            pixels, body = (tuple(np.asarray(part).ravel().tolist()) for part in (pixels, body))
+        return width, height, pixels, depth, body
+
+    monkeypatch.setattr(pybullet, "getCameraImage", given)
+    assert (faces(world).render(pose(0.3)) == expected).all()
+
+
 def test_the_fast_renderer_is_for_plain_arenas_only():
     assert not suits(load_arena("lamp-room"), HEIGHT)
     assert not suits(load_arena("toys"), HEIGHT)

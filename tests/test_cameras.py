@@ -1,28 +1,34 @@
 """Cameras by one string, and pictures that must not be acted upon."""
 
+import socket
 import sys
 import threading
 import time
+from contextlib import closing, contextmanager, suppress
 from queue import SimpleQueue
 
 import cv2
 import numpy as np
 import pytest
+import zenoh
 from controller_helpers import PATIENCE, free_endpoint, watching
 
 from macor_hil.cameras import Frame, open_camera
-from macor_hil.cameras.checks import CheckedCamera, PictureLimits
+from macor_hil.cameras.checks import CheckedCamera, PictureLimits, limits_for
 from macor_hil.cameras.live_video import LiveVideoCamera, is_device
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.errors import (
     CameraDarkError,
     CameraError,
+    CameraFlatError,
     CameraFrozenError,
     CameraLateError,
     CameraLostError,
+    CameraSourceError,
     WrongPictureError,
 )
 from macor_hil.telemetry.session import open_session
+from protocol.mirror import Mirror
 from protocol.side_channel import Stamp
 
 
@@ -100,19 +106,23 @@ class FakeCapture:
         picture = self.pictures.get(timeout=PATIENCE)
         return picture is not None, picture
 
+    def get(self, _):
+        return 16.0
+
     def release(self):
         self.released = True
 
 
-def test_a_live_video_gives_no_picture_that_was_begun_before_it_was_asked_for():
+def test_a_live_video_gives_no_picture_that_was_begun_before_it_was_asked_for(monkeypatch):
+    waits = threading.Semaphore(0)
+    monkeypatch.setattr("macor_hil.cameras.live_video.time.sleep", lambda _: waits.release())
     device = FakeCapture()
     camera = LiveVideoCamera("0", lambda _: device)
     device.reads.acquire()  # it is being read
     got = SimpleQueue()
     thread = threading.Thread(target=lambda: got.put(camera.grab()))
     thread.start()
-    while not camera._came._waiters:  # until it waits
-        pass
+    assert waits.acquire(timeout=PATIENCE)
     device.pictures.put(noise(1))
     device.pictures.put(noise(2))
     np.testing.assert_array_equal(got.get(timeout=PATIENCE).image, noise(2))
@@ -137,9 +147,96 @@ def test_a_live_video_that_was_unplugged_is_opened_again():
     camera.close()
 
 
+def test_a_live_video_whose_reader_has_died_is_lost(monkeypatch):
+    heard = []
+    monkeypatch.setattr(threading, "excepthook", heard.append)
+    device = FakeCapture()
+    device.read = lambda: 1 / 0
+    camera = LiveVideoCamera("0", lambda _: device)
+    with pytest.raises(CameraLostError, match=r"read no more: .*ZeroDivisionError"):
+        camera.grab()
+    camera._thread.join(PATIENCE)
+    assert heard
+
+
+def test_a_live_video_in_grey_is_a_wrong_picture():
+    device = FakeCapture()
+    camera = LiveVideoCamera("0", lambda _: device)
+    device.pictures.put(noise(shape=(16, 16)))
+    with pytest.raises(WrongPictureError, match="three channels of 8 bits"):
+        camera.grab()
+    camera.close()
+
+
+def test_a_video_too_large_to_be_decoded_is_refused():
+    device = FakeCapture()
+    device.get = lambda _: 40_000.0
+    with pytest.raises(WrongPictureError, match="40000 x 40000 pixels"):
+        LiveVideoCamera("0", lambda _: device)
+    assert device.released
+
+
+class StreamServer:
+    """A network camera, JPEG pictures over HTTP; its first connection can go silent."""
+
+    def __init__(self, picture):
+        self._picture = picture
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.address = f"http://127.0.0.1:{self._server.getsockname()[1]}/stream"
+        self.silent = threading.Event()
+        self.connections = []
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self):
+        with suppress(OSError):  # the server is closed
+            while True:
+                self.connections.append(self._server.accept()[0])
+                threading.Thread(target=self._send, args=self.connections[-1:]).start()
+
+    def _send(self, connection):
+        head = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=b\r\n\r\n"
+        part = b"--b\r\nContent-Type: image/jpeg\r\n\r\n" + self._picture + b"\r\n"
+        first = len(self.connections) == 1
+        with suppress(OSError):  # one of both ends has been closed
+            connection.recv(4096)
+            connection.sendall(head)
+            while not (first and self.silent.is_set()):
+                connection.sendall(part)
+                time.sleep(0.01)
+
+    def close(self):
+        for end in (self._server, *self.connections):
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+
+
+def test_a_network_camera_that_goes_silent_is_opened_again_within_seconds(monkeypatch):
+    monkeypatch.setattr("macor_hil.cameras.video._SILENCE", 0.5)
+    with closing(StreamServer(cv2.imencode(".jpg", noise(shape=(64, 64, 3)))[1].tobytes())) as net:
+        camera = LiveVideoCamera(net.address)
+        before = camera.grab()
+        net.silent.set()
+        lost = 0
+        while len(net.connections) == 1:
+            try:
+                camera.grab()
+            except CameraLostError:
+                lost += 1
+        assert lost < 4  # of two seconds each; OpenCV's own limit is 30 s
+        assert camera.grab().sequence > before.sequence
+        camera.close()
+
+
 def test_a_video_device_that_is_not_there_is_named():
     with pytest.raises(CameraError, match="cannot open the video source '7'"):
         LiveVideoCamera("7", lambda _: FakeCapture(opened=False))
+
+
+@pytest.mark.parametrize("name", ["9" * 20, "no://where"])
+def test_a_video_source_that_cannot_be_is_named(name):
+    with pytest.raises(CameraError, match="cannot open the video source"):
+        opened(f"video:{name}")
 
 
 PNG = cv2.imencode(".png", noise())[1].tobytes()
@@ -198,6 +295,123 @@ def test_an_answer_is_placed_by_its_stamp():
     assert (frame.sequence, frame.time) == (5, 1.25)
 
 
+def answering(session, payload, **options):
+    """A queryable that answers with a picture, or what it is given."""
+
+    def answer(query):
+        with query:
+            query.reply("any/key", payload, timestamp=session.new_timestamp())
+
+    return session.declare_queryable("any/key", answer, **options)
+
+
+@contextmanager
+def three_sessions():
+    """Of the camera's owner, of who drives, and of a stranger who connects to both."""
+    source, driver = free_endpoint(), free_endpoint()
+    with (
+        open_session([source], []) as owner,
+        open_session([driver], [source]) as driving,
+        open_session([], [source, driver]) as stranger,
+    ):
+        yield owner, driving, stranger
+
+
+OTHER = cv2.imencode(".png", noise(9))[1].tobytes()
+
+
+@pytest.mark.parametrize("payload", [OTHER, b"flour", b""])
+@pytest.mark.parametrize("complete", [False, True])
+def test_a_stranger_s_pictures_are_not_taken(payload, complete, caplog):
+    with three_sessions() as (owner, driving, stranger), answering(owner, PNG):
+        camera = opened("zenoh:any/key", driving)
+        camera.grab()
+        with answering(stranger, payload, complete=complete):
+            until_answers(driving, 2)
+            for _ in range(20):
+                np.testing.assert_array_equal(camera.grab().image, noise())
+    assert "1 other sources answer" in caplog.text
+
+
+def until_answers(session, number):
+    """Wait until so many sources answer."""
+    options = {
+        "target": zenoh.QueryTarget.ALL,
+        "consolidation": zenoh.ConsolidationMode.NONE,
+        "timeout": PATIENCE,
+    }
+    end = time.monotonic() + PATIENCE
+    while len(list(session.get("any/key", **options))) < number:
+        assert time.monotonic() < end
+
+
+def test_a_stranger_who_keeps_his_answer_back_delays_nothing():
+    kept = []
+    with three_sessions() as (owner, driving, stranger), answering(owner, PNG):
+        camera = CheckedCamera(opened("zenoh:any/key", driving), PictureLimits(repeats=10_000))
+        camera.grab()
+        with stranger.declare_queryable("any/key", kept.append):
+            while not kept:
+                camera.grab()  # within half a second, or it is an error
+            camera.grab()
+        kept.clear()
+
+
+def test_the_camera_is_not_chosen_among_several():
+    with (
+        three_sessions() as (owner, driving, stranger),
+        answering(owner, PNG),
+        answering(stranger, OTHER),
+    ):
+        until_answers(driving, 2)
+        with pytest.raises(CameraSourceError, match="2 sources answer on the Zenoh key any/key"):
+            opened("zenoh:any/key", driving).grab()
+
+
+def test_a_camera_that_was_started_again_is_followed_once_the_change_was_told():
+    endpoint = free_endpoint()
+    told = 0
+    with open_session([endpoint], []) as driving:
+        camera = opened("zenoh:any/key", driving)
+        for payload, image in ((PNG, noise()), (OTHER, noise(9))):
+            with open_session([], [endpoint]) as owner, answering(owner, payload):
+                while True:
+                    try:
+                        frame = camera.grab()
+                        break
+                    except CameraSourceError:
+                        told += 1
+                np.testing.assert_array_equal(frame.image, image)
+    assert told > 0
+
+
+def test_a_stranger_does_not_take_the_place_of_a_camera_that_has_gone():
+    with three_sessions() as (owner, driving, stranger), answering(stranger, OTHER):
+        camera = opened("zenoh:any/key", driving)
+        until_answers(driving, 1)
+        camera.grab()
+        with answering(owner, PNG):  # here the stranger
+            until_answers(driving, 2)
+            camera.grab()
+            until_answers(driving, 2)  # both have been heard by now
+            stranger.close()
+            with pytest.raises(CameraLostError, match="no camera answers"):
+                camera.grab()
+
+
+@pytest.mark.parametrize("key", ["khepera/**", "", "a//b", "/a", "a?b"])
+def test_a_key_on_which_no_camera_can_be_is_refused(key):
+    with open_session([free_endpoint()], []) as session, pytest.raises(CameraError):
+        opened(f"zenoh:{key or '*'}", session)
+
+
+def test_a_session_that_was_closed_is_a_lost_camera():
+    with open_session([free_endpoint()], []) as session:
+        camera = opened("zenoh:any/key", session)
+    with pytest.raises(CameraLostError, match="session closed"):
+        camera.grab()
+
+
 class Pictures:
     """A camera that shows what it is given, then fails."""
 
@@ -228,6 +442,9 @@ LIMITS = PictureLimits(size=(16, 16))
         (noise(shape=(16, 12, 3)), WrongPictureError),
         (noise(shape=(16, 16)), WrongPictureError),
         (noise() // 12, CameraDarkError),
+        (np.full((16, 16, 3), 255, np.uint8), CameraFlatError),
+        (np.full((16, 16, 3), 128, np.uint8), CameraFlatError),
+        (noise() // 32 + 90, CameraFlatError),  # grey, and noise
     ],
 )
 def test_a_picture_that_cannot_be_used_is_named(image, error):
@@ -239,6 +456,21 @@ def test_a_night_with_a_lamp_in_it_is_not_dark():
     image = noise() // 12
     image[:8, :8] = 200
     assert CheckedCamera(Pictures(image), LIMITS).grab().image is image
+
+
+@pytest.mark.parametrize("level", [255, 128])
+def test_a_mirror_in_which_nothing_can_be_seen_is_flat_whatever_is_around_it(level):
+    mirror = Mirror()
+    disc = cv2.circle(np.zeros((160, 160, 3), np.uint8), (80, 80), 78, (level,) * 3, -1)
+    disc = cv2.GaussianBlur(disc, (3, 3), 1)
+    with pytest.raises(CameraFlatError, match=f"about {level}, {level}, {level}"):
+        CheckedCamera(Pictures(disc), limits_for(mirror)).grab()
+
+
+def test_two_colours_of_equal_brightness_are_not_flat():
+    image = np.zeros((16, 16, 3), np.uint8)
+    image[:, :8, 1] = image[:, 8:, 2] = 200
+    CheckedCamera(Pictures(image), LIMITS).grab()
 
 
 def test_a_live_camera_that_shows_the_same_picture_again_is_frozen():
@@ -290,6 +522,34 @@ def test_the_watch_tells_of_a_camera_that_hangs():
         hang.set()
 
 
+def test_a_watch_that_dies_is_heard_at_once_and_begins_anew_with_the_next_drive(monkeypatch):
+    printed = []
+    monkeypatch.setattr(threading, "excepthook", printed.append)
+    camera = Pictures(noise(), act=lambda: 1 / 0)
+    with CameraWatch(camera, limit=60.0) as watch:
+        for number in (1, 2):
+            with pytest.raises(CameraLostError, match=r"watched no more: .* division by zero"):
+                drive_on(watch)
+            watch._thread.join(PATIENCE)
+            assert len(printed) == number
+        camera.act = lambda: None
+        watch.guard()
+        assert camera.grabbed.acquire(timeout=PATIENCE)
+
+
+def test_the_end_of_the_watch_does_not_wait_for_a_picture():
+    hang, too_late = threading.Event(), []
+    camera = Pictures(noise(), act=lambda: hang.wait(3.0) or too_late.append(1))
+    began = threading.Event()
+    grab = camera.grab
+    camera.grab = lambda: began.set() or grab()
+    with CameraWatch(camera, limit=60.0) as watch:
+        watch.guard()
+        assert began.wait(PATIENCE)
+    assert not too_late
+    hang.set()
+
+
 def interrupt_after(calls):
     """Have a KeyboardInterrupt come after so many calls of C functions, as a signal may."""
     left = calls
@@ -324,6 +584,29 @@ def test_the_watch_ends_wherever_a_signal_comes():
         end.start()
         end.join(PATIENCE)
         assert not end.is_alive(), f"it hangs when a signal comes after call {calls}"
+    assert calls > 3
+
+
+def test_a_live_video_works_on_wherever_a_signal_comes():
+    device = FakeCapture()
+    device.read = lambda: (True, noise())
+    camera = LiveVideoCamera("0", lambda _: device)
+    interrupted, calls = True, 0
+    while interrupted:
+        calls += 1
+        try:
+            interrupt_after(calls)
+            camera.grab()
+            interrupted = False
+        except KeyboardInterrupt:
+            pass
+        finally:
+            sys.setprofile(None)
+        assert camera.grab().image is not None, f"after call {calls}"
+    end = threading.Thread(target=camera.close, daemon=True)
+    end.start()
+    end.join(PATIENCE)
+    assert device.released
     assert calls > 3
 
 

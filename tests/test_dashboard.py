@@ -1,5 +1,7 @@
 """The dashboard's drawings and words, and scrubbing through a recording; no browser here."""
 
+import contextlib
+import logging
 import xml.etree.ElementTree as ElementTree
 from math import radians
 
@@ -7,12 +9,15 @@ import pytest
 from controller_helpers import a_decision, a_state
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
 
-from macor_hil.monitor.dashboard import arena, charts, eyes, texts
+from macor_hil.monitor.dashboard import arena, charts, eyes, texts, ticks
+from macor_hil.monitor.dashboard.failures import Failures, OnceEach
 from macor_hil.monitor.dashboard.sources import Player
 from macor_hil.monitor.watched import Controlled, Emulated, Watched
 from macor_hil.telemetry.examples import EXAMPLES
+from macor_hil.telemetry.feed import Presence
 from macor_hil.telemetry.schemas import Phase
-from protocol.side_channel import Outline, Pose, WireEntry
+from protocol.keys import CONTROLLER, EMULATOR
+from protocol.side_channel import Outline, Pose, Truth, Wire, WireEntry
 
 
 def parsed(svg):
@@ -148,15 +153,89 @@ def test_text_from_elsewhere_stays_text():
         assert "<script" not in draw(watched)
 
 
+def test_what_fails_in_the_page_is_counted_and_logged_once(caplog):
+    failures, log = Failures(), logging.getLogger("page under test")
+    log.addFilter(OnceEach())
+    assert failures.words() == ""
+    for _ in range(3):
+        try:
+            charts.columns(a_decision(), None).index("\x1b[31m")
+        except ValueError as error:
+            failures.add(error)
+            log.exception("again")
+    assert failures.words().startswith("the page failed 3 times, please report it: ValueError: ")
+    assert len(caplog.records) == 1
+    log.warning("something else")
+    log.warning("something else")
+    assert len(caplog.records) == 3
+
+
+def test_what_is_done_again_and_again_outlives_failures_and_counts_on_no_wall_clock(monkeypatch):
+    waiting, done = [], []
+    monkeypatch.setattr(
+        ticks.app, "timer", lambda seconds, turn, once: waiting.append((seconds, turn, once))
+    )
+
+    def fail():
+        done.append(1)
+        raise ZeroDivisionError
+
+    ticks.again_and_again(0.1, fail, lambda: len(done) < 3)
+    while waiting:
+        seconds, turn, once = waiting.pop()
+        assert (seconds, once, waiting) == (0.1, True, [])  # a repeated one reads the wall clock
+        with contextlib.suppress(ZeroDivisionError):
+            turn()
+    assert len(done) == 3
+
+
 def test_the_status_tells_who_is_there():
     watched = Watched("khepera")
-    assert texts.status(watched)[0] == "waiting for a robot"
+    assert texts.status(watched, 0.0)[0] == "waiting for a robot"
     watched.emulated.alive = True
-    assert texts.status(watched)[0] == "robot there, nobody drives it"
+    assert texts.status(watched, 0.0)[0] == "robot there, nobody drives it"
     watched = a_watched()
-    assert texts.status(watched) == ("driving, 3 of 40 commands", "green")
+    assert texts.status(watched, 0.0) == ("driving, 3 of 40 commands", "green")
     watched.controlled.state = a_state(Phase.FAILED, reason="the cable")
-    assert texts.status(watched) == ("failed, 3 of 40 commands: the cable", "red")
+    assert texts.status(watched, 0.0) == ("failed, 3 of 40 commands: the cable", "red")
+
+
+def on_the_line(*requests):
+    return Wire(first=0, entries=[WireEntry(time=0.0, what="request", text=r) for r in requests])
+
+
+def test_a_program_on_the_line_is_not_nobody():
+    watched = Watched("khepera", emulated=Emulated(alive=True))
+    watched.emulated.pass_by(on_the_line("N\n", "H\n"), 10.0)
+    assert texts.status(watched, 11.0)[0] == "robot there, a program talks to it"
+    assert texts.status(watched, 20.0)[0] == "robot there, nobody drives it"
+    watched.emulated.pass_by(on_the_line("N\nD,", "5,5\n"), 30.0)
+    driven = "robot there, a program that tells nothing of itself drives it"
+    assert texts.status(watched, 31.0) == (driven, "green")
+    assert texts.status(watched, 60.0)[0] == "robot there, nobody drives it"
+    # a speed is held without another request
+    watched.emulated.place(EXAMPLES[Truth])
+    assert texts.status(watched, 60.0)[0] == driven
+    watched.emulated.alive = False
+    assert texts.status(watched, 60.0)[0] == "it has gone; waiting for a robot"
+
+
+def test_nothing_of_a_robot_that_has_gone_looks_alive():
+    watched = a_watched()
+    for k in range(20):
+        watched.see(a_picture(), 1.0 + 0.1 * k)
+    assert not texts.gone(watched)
+    alive = dict(texts.health(watched, 3.0))
+    assert alive["pictures"].startswith("10.0/s")
+    assert alive["wheels"] == "left 160 mm/s, right 158 mm/s"
+    watched.take(Presence(CONTROLLER, False, 0))
+    assert texts.gone(watched) == {"decision", "ring", "columns", "rewards"}
+    watched.take(Presence(EMULATOR, False, 0))
+    assert {"arena", "eyes", "line"} < texts.gone(watched)
+    dead = dict(texts.health(watched, 60.0))
+    assert dead["pictures"] == "0.0/s, last one 57.1 s ago"
+    assert "wheels" not in dead
+    assert "robot was at" in dead
 
 
 def test_replies_that_came_in_pieces_are_one_line():
@@ -210,6 +289,48 @@ def test_playing_takes_its_time_and_ends():
     assert (player.position, player.playing) == (0.0, True)
 
 
+def test_each_page_plays_a_recording_for_itself():
+    events = a_life(3)
+    first, second = (Player("khepera", events, Clock()) for _ in range(2))
+    first.seek(2.9)
+    second.toggle()
+    assert (first.position, first.playing) == (2.9, True)
+    assert (second.position, second.playing) == (0.0, False)
+
+
+def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near():
+    events = a_life(1000)
+    player = Player("khepera", events, Clock())
+    player.seek(1e9)
+    steps = 0
+    while player.watched.controlled.alive or player.watched.controlled.decision is None:
+        taken = player.watched.version
+        player.poll()
+        assert 0 < player.watched.version - taken <= 2000
+        steps += 1
+    assert steps == len(events) // 2000
+    taken = []
+    player.watched.take = taken.append  # what was known near there is enough
+    player.seek(player.duration - 1.0)
+    assert not taken
+    direct = Watched("khepera")
+    for event in events:
+        if event.received <= BEGIN + round((player.duration - 1.0) * SECOND):
+            direct.take(event)
+    assert player.watched.controlled.decision == direct.controlled.decision
+    assert list(player.watched.controlled.history) == list(direct.controlled.history)
+    assert player.watched.emulated.path == direct.emulated.path
+
+
+@pytest.mark.parametrize("nowhere", [float("nan"), float("inf"), -float("inf")])
+def test_seeking_to_no_moment_stays_in_the_recording(nowhere):
+    player = Player("khepera", a_life(3), Clock())
+    player.seek(1.0)
+    player.seek(nowhere)
+    assert 0.0 <= player.position <= player.duration
+    player.poll()
+
+
 def test_a_robot_that_is_put_elsewhere_begins_a_new_path():
     emulated = Emulated()
     for x in (0.1, 0.11, 0.1105, 0.12, 0.5):
@@ -219,3 +340,10 @@ def test_a_robot_that_is_put_elsewhere_begins_a_new_path():
     for x in (0.1, 0.11, 0.1105, 0.12):
         emulated.place(truth(0.0, x))
     assert [pose.x for pose in emulated.path] == [0.1, 0.11, 0.12]
+
+
+def test_the_way_that_is_kept_has_an_end():
+    emulated = Emulated()
+    for k in range(6000):
+        emulated.place(truth(0.0, 0.01 * (k % 4)))
+    assert len(emulated.path) == 5000

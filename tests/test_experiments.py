@@ -1,10 +1,12 @@
 """Experiments from recording to report, with tiny settings."""
 
+import ast
 import json
 import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -22,7 +24,7 @@ from macor_hil.clustering.fuzzy_art import FuzzyArt
 from macor_hil.clustering.neural_gas import Breadth
 from macor_hil.drive import COMMANDS, Driver
 from macor_hil.errors import MacorError
-from macor_hil.experiments import catalogue
+from macor_hil.experiments import catalogue, sources
 from macor_hil.experiments import recording as recording_module
 from macor_hil.experiments.blocks import Table
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
@@ -33,7 +35,7 @@ from macor_hil.experiments.figure4 import FIGURE4
 from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings, record
 from macor_hil.experiments.results import ResultsFile, only_one
 from macor_hil.experiments.runner import COSTS, reproduce
-from macor_hil.experiments.sources import NO_PART, bare_code, digest
+from macor_hil.experiments.sources import bare_code, code_of, digest
 from macor_hil.experiments.systems import Course, learn_transitions
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
 from macor_hil.hardware import open_hardware
@@ -273,21 +275,144 @@ def test_comments_and_docstrings_do_not_count_as_code() -> None:
     assert bare_code("def f(x):\n    return x + 2\n") != plain
 
 
-def test_code_counts_that_a_drive_loads() -> None:
-    program = (
-        "import sys; from macor_hil.hardware import open_hardware; import macor_hil.training\n"
-        "with open_hardware('khepera://corridor') as h: h.camera.grab()\n"
-        "print(*sys.modules)"
-    )
+OURS = ("protocol", "khepera_emulator", "macor_hil")
+
+REPORTS = {f"macor_hil.experiments.{name}" for name in ("blocks", "drawing", "experiment")} | {
+    "macor_hil.experiments.statistics",
+    "macor_hil.pictures",
+}
+"""What experiments draw and tell with."""
+
+
+def loaded_by(program: str) -> set[str]:
+    """Modules of this project that a program has imported at its end."""
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        [sys.executable, "-c", f"import sys\n{program}\nprint(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    loaded = {name.replace(".", "/") for name in done.stdout.split()}
-    assert "khepera_emulator/world" in loaded
-    assert loaded & NO_PART == set()
-    assert digest(["corridor"]) != digest(["corridor-mirror"])
+    return {name for name in done.stdout.split() if name.partition(".")[0] in OURS}
+
+
+def test_all_code_counts_that_a_drive_loads() -> None:
+    loaded = loaded_by(
+        "from macor_hil.hardware import open_hardware; import macor_hil.training\n"
+        "with open_hardware('khepera://corridor') as h: h.camera.grab(), h.bench.truth()"
+    )
+    assert "khepera_emulator.world" in loaded
+    assert loaded <= set(code_of(record))
+
+
+@pytest.mark.parametrize("name", ["figure3", "beyond", "peers"])
+def test_all_code_counts_that_an_experiment_loads_but_its_report(name: str) -> None:
+    (experiment,) = (each for each in EXPERIMENTS if each.name == name)
+    loaded = loaded_by(f"import {experiment.trial.__module__}")
+    assert "macor_hil.training" in loaded
+    counted = set(code_of(experiment.trial))
+    assert loaded - counted <= REPORTS | {"macor_hil.experiments.table1"}
+    assert not counted & REPORTS
+
+
+def test_arenas_count_as_code_does() -> None:
+    assert digest(record, ["corridor"]) != digest(record, ["corridor-mirror"])
     with pytest.raises(MacorError, match="no arena 'moon'"):
-        digest(["moon"])
+        digest(record, ["moon"])
+
+
+def extended(text: str) -> str:
+    return f"{text}\nEXTENDED = 1\n"
+
+
+def longer(name: str) -> Callable[[str], str]:
+    """Puts a statement into a function."""
+    return lambda text: re.sub(
+        rf"(def {name}\(.*?\) -> .*?:\n)", r"\1    longer = 1\n", text, flags=re.DOTALL
+    )
+
+
+@pytest.mark.parametrize(
+    ("file", "edit", "drives", "results"),
+    [
+        ("khepera_emulator/motors.py", extended, True, True),
+        ("khepera_emulator/ports/protocol_khepera.py", extended, True, True),
+        ("macor_hil/brain.py", extended, True, True),
+        ("macor_hil/training.py", extended, True, True),
+        ("macor_hil/experiments/recording.py", longer("record"), True, True),
+        ("macor_hil/experiments/systems.py", extended, False, True),
+        ("macor_hil/experiments/learning.py", longer("learn_all"), False, True),
+        ("macor_hil/planners/expected.py", extended, False, True),
+        ("macor_hil/clustering/clusterer.py", extended, False, True),
+        ("macor_hil/experiments/table1.py", longer("trial"), False, True),
+        ("macor_hil/experiments/table1.py", longer("draw_table"), False, False),
+        ("macor_hil/experiments/table1.py", longer("tell_figure"), False, False),
+        ("macor_hil/experiments/table1.py", extended, False, False),
+        ("macor_hil/experiments/drawing.py", extended, False, False),
+        ("macor_hil/experiments/statistics.py", extended, False, False),
+        ("macor_hil/experiments/report.py", extended, False, False),
+        ("macor_hil/experiments/figure2.py", longer("trial"), False, False),
+        ("macor_hil/clustering/neural_gas.py", extended, False, False),
+        ("macor_hil/pictures.py", extended, False, False),
+        ("macor_hil/ros2/bridge.py", extended, False, False),
+        ("macor_hil/telemetry/publisher.py", extended, False, False),
+        ("macor_hil/monitor/view.py", extended, False, False),
+        ("macor_hil/cli/learning.py", extended, False, False),
+        ("khepera_emulator/cli/commands.py", extended, False, False),
+        ("khepera_emulator/ports/tcp.py", extended, False, False),
+        ("macor_hil/brain.py", "# a comment\n{}".format, False, False),
+    ],
+)
+def test_edits_lead_to_new_drives_and_results_where_they_decide_something(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    file: str,
+    edit: Callable[[str], str],
+    drives: bool,
+    results: bool,
+) -> None:
+    def keys() -> tuple[str, str]:
+        return digest(record, ["corridor"]), digest(TABLE1.trial, ["corridor"])
+
+    before = keys()
+    source = Path(sources.__file__).parents[2]
+    for package in OURS:
+        shutil.copytree(
+            source / package, tmp_path / package, ignore=shutil.ignore_patterns("*.pyc")
+        )
+    monkeypatch.setattr(sources, "_folder", lambda package: tmp_path / package)
+    assert keys() == before
+    path = tmp_path / file
+    edited = edit(path.read_text())
+    assert edited != path.read_text()
+    path.write_text(edited)
+    after = keys()
+    assert (after[0] != before[0], after[1] != before[1]) == (drives, results)
+
+
+def test_a_definition_brings_what_it_uses_and_nothing_else() -> None:
+    text = """
+import a, b
+from c import d as e, f
+if a: x = 1
+LIMIT = 3
+OTHER = f()
+class Base: pass
+class Kind(Base):
+    def go(self): return LIMIT
+def wanted(y: Kind): return e(y)
+def unwanted(): return wanted(OTHER) + b
+"""
+    reached = sources._reached(sources._statements(text), "wanted")
+    shown = [ast.unparse(ast.fix_missing_locations(statement)) for statement in reached]
+    assert [line.partition("\n")[0] for line in shown] == [
+        "import a",
+        "from c import d as e",
+        "if a:",
+        "LIMIT = 3",
+        "class Base:",
+        "class Kind(Base):",
+        "def wanted(y: Kind):",
+    ]
 
 
 class Page(HTMLParser):

@@ -12,8 +12,10 @@ from macor_hil.cli import app
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.keys import KEYS
 from macor_hil.telemetry.keys_page import keys_page
+from macor_hil.telemetry.schemas import Alternative
 from protocol.keys import CONTROLLER, EMULATOR, SCHEMA_MEDIA_TYPE
-from protocol.side_channel import Stamp
+from protocol.schema import schema_of
+from protocol.side_channel import Outline, Stamp
 
 PAGE = Path(__file__).parent.parent / "docs" / "keys.md"
 
@@ -38,6 +40,21 @@ def test_examples_keep_their_schemas(payload):
     assert payload.model_validate_json(text) == EXAMPLES[payload]
     fields = payload.model_json_schema()["properties"]
     assert set(json.loads(text)) == set(fields)
+
+
+def test_corners_that_are_pairs_are_read_as_before():
+    outline = EXAMPLES[Outline]
+    old = json.loads(outline.model_dump_json())
+    for solid in old["solids"]:
+        solid["corners"] = [[corner["x"], corner["y"]] for corner in solid["corners"]]
+    assert Outline.parse(json.dumps(old).encode()) == Outline.model_validate(old) == outline
+
+
+def test_an_evaluation_that_does_not_exist_is_left_out():
+    text = Alternative(command="left", evaluation=None).model_dump_json()
+    assert text == '{"command":"left"}'
+    for data in (text, '{"command":"left","evaluation":null}'):
+        assert Alternative.parse(data.encode()).evaluation is None
 
 
 def answering(side):
@@ -69,7 +86,7 @@ def described(session, key):
     name = key.pattern.replace("<robot>", "khepera")
     reply = ask(session, f"{name}?describe").ok
     assert str(reply.encoding) == SCHEMA_MEDIA_TYPE
-    assert json.loads(reply.payload.to_string()) == key.payload.model_json_schema()
+    assert json.loads(reply.payload.to_string()) == schema_of(key.payload)
 
 
 def test_the_encodings_of_the_table_are_those_of_the_samples():

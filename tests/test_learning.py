@@ -1,5 +1,8 @@
 """A recording trains a map: what was driven is learned as if it happened now."""
 
+import json
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -11,12 +14,12 @@ from macor_hil.agent import NO_PLAN, Agent
 from macor_hil.brain import Brain, Settings
 from macor_hil.cli import app
 from macor_hil.drive import COMMANDS, Driver
-from macor_hil.errors import RecordingError
+from macor_hil.errors import CameraError, RecordingError
 from macor_hil.hardware import open_hardware
 from macor_hil.learning import learn
 from macor_hil.map_file import load_map
 from macor_hil.telemetry.decisions import decision_of
-from macor_hil.telemetry.feed import Arrival
+from macor_hil.telemetry.feed import Arrival, Presence
 from macor_hil.telemetry.recording import Recorder
 from macor_hil.telemetry.schemas import Odometry
 from protocol.keys import CONTROLLER
@@ -92,6 +95,79 @@ def test_a_frame_that_did_not_arrive_breaks_the_chain_and_nothing_else(drive):
     # without the frame between the third and the fourth command, both cannot be learned
     assert learn(brain, [events[:5] + events[6:]], np.random.default_rng(0)) == len(steps) - 2
     assert square(brain.map, "z").sum() == len(steps) - 2
+
+
+def learned_from(*recordings):
+    brain = Brain(Settings())
+    driven = learn(brain, recordings, np.random.default_rng(0))
+    return driven, brain.art.weights.tobytes(), square(brain.map, "z").tobytes()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_order_of_frames_and_decisions_in_the_file_does_not_matter(drive, seed, caplog):
+    events, steps = drive
+    # each up to three places from where it was
+    places = np.arange(len(events)) + np.random.default_rng(seed).uniform(0.0, 3.0, len(events))
+    mixed = [events[k] for k in np.argsort(places)]
+    assert mixed != events
+    assert learned_from(mixed) == learned_from(events)
+    assert learned_from(events)[0] == len(steps)
+    assert caplog.messages == []
+
+
+def test_runs_in_one_recording_count_apart(drive):
+    events, steps = drive
+    # virtual time begins anew with every run, and numbers do with every controller
+    alive = [Presence(CONTROLLER, True, BEGIN)]
+    for between in (alive, [Presence(CONTROLLER, False, BEGIN), *alive]):
+        assert learned_from([*alive, *events, *between, *events])[0] == 2 * len(steps)
+    assert learned_from(events, events)[0] == 2 * len(steps)
+    later = [at(event, 100.0) for event in events]
+    assert learned_from([*events, *later])[0] == 2 * len(steps)
+    # presence may be told after the first frame
+    assert learned_from([*events, later[0], *alive, *later[1:]])[0] == 2 * len(steps)
+    # whoever asks for the latest sample gets one that it may know
+    assert learned_from([*events, *events[-2:]])[0] == len(steps)
+
+
+def at(event, later):
+    """The same event, as if it had happened later."""
+    data = event.data
+    if event.leaf == "decision":
+        decision = json.loads(data)
+        data = json.dumps({**decision, "frame_time": decision["frame_time"] + later}).encode()
+    stamp = event.stamp.model_copy(update={"time": event.stamp.time + later})
+    return replace(event, data=data, stamp=stamp)
+
+
+def test_what_is_left_out_is_told(drive, caplog):
+    events, steps = drive
+    decision = events[2]
+    odd = [
+        replace(decision, data=b"{}"),
+        replace(decision, data=json.dumps({**json.loads(decision.data), "command": "up"}).encode()),
+        replace(events[0], data=events[0].data[:40]),
+        replace(events[0], stamp=None),
+    ]
+    assert learned_from([*events[:5], *odd, *events[6:]])[0] == len(steps) - 2
+    (said,) = caplog.messages
+    assert said.startswith("left out: ")
+    for part in (
+        "decisions without the frame before them: 1",
+        "decisions without the frame after them: 1",
+        "decisions that cannot be read: 2",
+        "frames without a picture or a stamp: 2",
+    ):
+        assert part in said
+
+
+def test_frames_of_another_mirror_are_named(drive):
+    events, steps = drive
+    small = cv2.imencode(".png", np.full((8, 8, 3), 90, np.uint8))[1].tobytes()
+    misfit = [replace(e, data=small) if e.leaf == "frame" else e for e in events]
+    with pytest.raises(CameraError, match="the mirror is described for 160 x 160"):
+        learned_from(misfit)
+    assert learned_from([misfit[0], *events])[0] == len(steps)
 
 
 def test_what_holds_no_drive_cannot_be_learned_from():

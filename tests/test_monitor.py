@@ -20,6 +20,7 @@ from macor_hil.monitor.view import bar, render, spark
 from macor_hil.monitor.watched import Controlled, Emulated, Watched
 from macor_hil.monitor.watcher import Watcher
 from macor_hil.telemetry.examples import EXAMPLES
+from macor_hil.telemetry.feed import NotTaken
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.schemas import Ahead, Alternative, Link, Phase
 from macor_hil.telemetry.session import open_session
@@ -89,6 +90,12 @@ def test_a_situation_without_resonance_is_called_unknown():
     assert "unknown, the nearest one" in text_of(a_watched(situation=seen))
 
 
+def test_a_program_that_is_no_controller_of_ours_is_told_of():
+    watched = Watched("khepera", emulated=Emulated(alive=True, truth=EXAMPLES[Truth]))
+    told = line_with(text_of(watched), "controller")
+    assert "none; a program that tells nothing of itself drives it" in told
+
+
 def test_a_collision_is_shown():
     assert "COLLISION" in text_of(a_watched(collided=True))
 
@@ -117,7 +124,7 @@ def test_the_fullest_picture_fits_the_terminal(width):
         alternatives=[Alternative(command="c" * 40, evaluation=-123456.789)] * 12,
     )
     watched.controlled.state = a_state(port="/dev/" + "x" * 200, map="y" * 300, reason="z" * 400)
-    watched.trouble = "t" * 300
+    watched.not_taken = NotTaken(123_456, 123_456, "t" * 300)
     watched.controlled.link = EXAMPLES[Link]
     watched.emulated = Emulated(alive=True, truth=EXAMPLES[Truth])
     for _ in range(100):
@@ -144,7 +151,9 @@ def test_rates_and_ages_count_arrivals():
     watched = Watched("khepera", Controlled(alive=True))
     for n in range(5):
         watched.see(bytes(6200), 90.0 + n / 4)
-    assert "4.0/s  6.2 kB  last one 9.0 s ago" in line_with(text_of(watched), "frames")
+    assert "4.0/s  6.2 kB  last one 1.5 s ago" in line_with(text_of(watched, 92.5), "frames")
+    # a stream that has stopped has no rate any more
+    assert "0.0/s  6.2 kB  last one 9.0 s ago" in line_with(text_of(watched), "frames")
     assert "none yet" in line_with(text_of(watched), "decisions")
 
 
@@ -263,5 +272,5 @@ def test_a_payload_of_another_version_is_trouble_but_no_end():
     ):
         wait_until_watched(other, KEYS[1])
         other.put(KEYS[1], '{"future": 1}')
-        wait_for(watcher, lambda: bool(watcher.watched.trouble))
-    assert "decision of another version" in text_of(watcher.watched)
+        wait_for(watcher, lambda: bool(watcher.watched.not_taken.refused))
+    assert "1 refused; the last one of decision: is it of another" in text_of(watcher.watched)

@@ -3,8 +3,11 @@
 import threading
 import time
 
+import pytest
+
 from macor_hil.errors import TelemetryError
 from macor_hil.telemetry.outbox import Outbox
+from protocol.side_channel import Stamp
 
 
 def test_everything_is_carried_out_in_order_before_the_end():
@@ -27,6 +30,15 @@ def test_nobody_waits_for_what_takes_long():
     assert done[0] is not threading.current_thread()
 
 
+@pytest.mark.parametrize("value", [-1, None])
+def test_a_payload_out_of_bounds_is_a_failure_and_no_defect(value, caplog):
+    with Outbox() as outbox:
+        outbox.carry_out(lambda: Stamp(sequence=value, time=0.0))
+    outbox._thread.join(30)
+    assert "could not be told" in caplog.text
+    assert "has failed" not in outbox._thread.ended()
+
+
 def test_a_failure_is_logged_and_the_next_one_is_carried_out(caplog):
     done = []
 
@@ -38,3 +50,27 @@ def test_a_failure_is_logged_and_the_next_one_is_carried_out(caplog):
         outbox.carry_out(lambda: done.append(1))
     assert done == [1]
     assert "no picture" in caplog.text
+
+
+def test_a_defect_ends_it_and_is_heard(monkeypatch):
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    with Outbox() as outbox:
+        outbox.check()
+        outbox.carry_out(lambda: 1 / 0)
+        outbox._thread.join(30)
+        with pytest.raises(TelemetryError, match=r"can be told .* any more: .*ZeroDivisionError"):
+            outbox.check()
+        for _ in range(10):  # nothing gathers for nobody
+            outbox.carry_out(lambda: None)
+        assert outbox._actions.empty()
+
+
+def test_what_is_not_carried_out_in_time_is_dropped_and_counted(caplog):
+    go = threading.Event()
+    with Outbox() as outbox:
+        for _ in range(1000):
+            outbox.carry_out(lambda: go.wait(30))
+        assert outbox._actions.qsize() <= 300
+        go.set()
+    assert "samples are dropped" in caplog.text
+    assert "samples were not told" in caplog.text

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from emulator_process import PATIENCE
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -22,6 +23,7 @@ NEEDS = {
     "foxglove_schemas_protobuf": "recording",
     "gymnasium": "gymnasium",
     "joblib": "experiments",
+    "lz4": "recording",
     "matplotlib": "pictures",
     "mcap": "recording",
     "mcap_protobuf": "recording",
@@ -29,6 +31,7 @@ NEEDS = {
     "pybullet": "emulator",
     "rosbags": "ros",
     "xxhash": "ros",
+    "zstandard": "recording",
 }
 """Importable names of what only an extra brings."""
 
@@ -40,6 +43,7 @@ MAY_FAIL = {
     "macor_hil.monitor.dashboard": "dashboard",
     "macor_hil.ros2": "ros",
     "macor_hil.telemetry.foxglove": "recording",
+    "macor_hil.telemetry.mcap_file": "recording",
     "macor_hil.telemetry.recorder": "recording",
     "macor_hil.telemetry.recording": "recording",
     "khepera_emulator.world": "emulator",
@@ -89,6 +93,13 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
 def test_every_extra_is_tried_without():
     for_developers = {"benchmarks", "build", "lint", "test"}
     assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
+
+
+@pytest.mark.parametrize("python", ["3.11", "3.12", "3.13", "3.14"])
+def test_every_python_gets_one_pybullet(python):
+    wanted = [Requirement(line) for line in PROJECT["optional-dependencies"]["emulator"]]
+    found = [each.name for each in wanted if each.marker.evaluate({"python_version": python})]
+    assert found == ["pybullet-arm64" if python in ("3.12", "3.13") else "pybullet"]
 
 
 def test_every_extra_is_documented():

@@ -25,6 +25,7 @@ from macor_hil.telemetry.replay import Stage, replay
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 from protocol.keys import CONTROLLER, EMULATOR
+from protocol.schema import schema_of
 
 PATIENCE = 20.0
 
@@ -49,7 +50,7 @@ def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file):
         schemas = {c.topic: summary.schemas[c.schema_id] for c in summary.channels.values()}
         decision = schemas["macor/khepera/decision"]
         assert (decision.name, decision.encoding) == ("macor.Decision", "jsonschema")
-        assert json.loads(decision.data) == Decision.model_json_schema()
+        assert json.loads(decision.data) == schema_of(Decision)
         assert schemas["macor/khepera/frame"].name == "foxglove.CompressedImage"
         assert schemas["foxglove/khepera/pose"].name == "foxglove.PoseInFrame"
         assert schemas["foxglove/khepera/walls"].name == "foxglove.SceneUpdate"
@@ -63,6 +64,45 @@ def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file):
         assert [round(pose.pose.position.x, 3) for pose in poses] == [0.1, 0.12, 0.14, 0.16]
         logs = [m for *_, m in reader.iter_decoded_messages(["foxglove/khepera/wire"])]
         assert [log.message for log in logs] == ["H\\n", "h,262,263\\r\\n"]
+
+
+SIMPLE = {"boolean", "string", "number", "integer"}
+
+
+def fields_as_viewers_read(schema, place):
+    """The fields of a JSON Schema, by the rules of the parsers of Foxglove and Lichtblick.
+
+    Restated from `parseJsonSchema.ts`, which both have; anything else is an error there, and the
+    topic cannot be opened.
+    """
+    assert schema.get("type") == "object", place
+    fields = {}
+    for name, field in schema["properties"].items():
+        where = f"{place}.{name}"
+        assert "oneOf" not in field, where
+        items = field["items"] if field.get("type") == "array" else field
+        kind = items.get("type")
+        assert isinstance(kind, str), where
+        if kind == "string":
+            assert "contentEncoding" not in items, where
+        assert kind in SIMPLE or kind == "object", f"{where}: {kind}"
+        fields[name] = fields_as_viewers_read(items, where) if kind == "object" else kind
+    return fields
+
+
+def test_the_parsers_of_viewers_read_every_json_topic(file):
+    with file.open("rb") as stream:
+        topics = {}
+        for schema, channel, message in make_reader(stream).iter_messages():
+            if schema.encoding == "jsonschema":
+                fields = fields_as_viewers_read(json.loads(schema.data), channel.topic)
+                assert set(json.loads(message.data)) <= set(fields)
+                topics[channel.topic] = fields
+    assert len(topics) == 9
+    corners = topics["khepera/khepera/arena"]["solids"]["corners"]
+    assert corners == {"x": "number", "y": "number"}
+    alternatives = topics["macor/khepera/decision"]["alternatives"]
+    assert alternatives == {"command": "string", "evaluation": "number"}
 
 
 def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path):
@@ -178,6 +218,27 @@ def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
             assert make_reader(stream).get_summary() is not None
 
 
+def test_a_recorder_tells_what_it_did_not_take(tmp_path):
+    path, endpoint = tmp_path / "x.mcap", free_endpoint()
+    process = record_process(path, endpoint)
+    try:
+        with open_session([endpoint], []) as session:
+            wait_until_watched(session, "macor/khepera/state")
+            session.put("macor/*/state", "for everybody")
+            session.put(
+                "macor/khepera/state", "{}", attachment='{"sequence":1099511627776,"time":0}'
+            )
+            wait_until_watched(session, "macor/khepera/frame")
+            session.put("macor/khepera/frame", a_picture())
+            wait_until(lambda: pictures_in(path))
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+        process.wait()
+    assert "1 samples; 2 refused; the last one of state: its stamp cannot be read: sequence" in said
+
+
 def wait_until(condition):
     end = time.monotonic() + PATIENCE
     while not condition():
@@ -260,7 +321,7 @@ def test_a_replay_answers_queries_with_the_latest_and_the_schema():
             assert str(sample.encoding) == "application/json;macor.Decision"
             assert json.loads(sample.attachment.to_bytes())["time"] == decision.stamp.time
             schema = ask(watcher, "macor/khepera/decision?describe").ok
-            assert json.loads(schema.payload.to_bytes()) == Decision.model_json_schema()
+            assert json.loads(schema.payload.to_bytes()) == schema_of(Decision)
             assert ask(watcher, "macor/khepera/state").ok is None
 
 

@@ -234,7 +234,7 @@ def test_what_a_controller_tells_arrives_as_ros_2_topics():
         publisher.decision(a_decision(0, command="left"))
         publisher.decision(a_decision(1))
         for _ in range(3):
-            bridge.forward()
+            bridge.forward(PATIENCE)
         samples = [receive(topics) for _ in range(5)]
         tokens = [str(reply.ok.key_expr) for reply in listener.liveliness().get("@ros2_lv/**")]
     got = {}
@@ -267,11 +267,17 @@ def test_what_cannot_be_read_is_dropped(caplog):
         session.declare_subscriber("0/khepera/odom/**", got.put)
         session.put(controller_key("khepera", DECISION), "{}")
         publisher.decision(a_decision())
-        bridge.forward()
-        assert "another version" in caplog.text
+        bridge.forward(PATIENCE)
+        assert "1 refused; the last one of decision: " in caplog.text
         assert got.empty()
-        bridge.forward()
+        bridge.forward(PATIENCE)
         assert receive(got)
+        # of frames and of decisions; said again when the count has doubled
+        session.put("macor/**", "{}")
+        bridge.forward(PATIENCE)
+        bridge.forward(PATIENCE)
+        assert "2 refused; the last one of " in caplog.text
+        assert "it came for macor/**, not for one key" in caplog.text
 
 
 @pytest.mark.parametrize("domain", [-1, 233])
@@ -307,7 +313,7 @@ def test_the_bridge_is_a_process_that_a_signal_ends():
                 _, said = process.communicate(timeout=PATIENCE)
             finally:
                 process.kill()
-    assert (process.returncode, said) == (0, "")
+    assert (process.returncode, said) == (0, "macor-hil: ended by SIGTERM\n")
 
 
 def test_nodes_find_the_bridge_as_they_come():

@@ -4,10 +4,15 @@ import json
 import os
 import signal
 import sys
+from contextlib import contextmanager
+from queue import SimpleQueue
 
+import cv2
+import numpy as np
 import pytest
 from drives import STATUSES, WAYS_OUT, Drive, programs
-from rig import rig
+from emulator_process import PATIENCE
+from rig import RELAYED, rig
 from short_training import train_shortly
 
 from macor_hil.telemetry.session import open_session
@@ -15,6 +20,7 @@ from macor_hil.telemetry.stop_key import ask_to_stop
 
 pytestmark = pytest.mark.wall_clock
 
+REQUEST = '{"stop": true}'
 LIMIT = 0.5
 """Seconds; what the controller promises."""
 
@@ -71,6 +77,55 @@ def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, 
     assert interrupted(controller) > 0
 
 
+@contextmanager
+def a_stranger(bench, make_picture):
+    """A session that answers on the camera's key as well, and claims to be complete."""
+
+    def answer(query):
+        with query:
+            query.reply(RELAYED, make_picture())
+
+    ends = [bench.endpoint, bench.controller_endpoint]
+    with (
+        open_session([], ends) as session,
+        session.declare_queryable(RELAYED, answer, complete=True),
+    ):
+        yield session
+
+
+def noise():
+    image = np.random.default_rng().integers(0, 256, (160, 160, 3), dtype=np.uint8)
+    return cv2.imencode(".png", image)[1].tobytes()
+
+
+@pytest.mark.parametrize("make_picture", [lambda: b"flour", noise])
+def test_a_stranger_on_the_camera_s_key_neither_holds_nor_steers_the_robot(
+    bench, map_file, make_picture
+):
+    controller = drive(bench, map_file)
+    frames, states, asked = SimpleQueue(), SimpleQueue(), SimpleQueue()
+    with open_session([], [bench.controller_endpoint]) as session:
+        session.declare_subscriber("macor/khepera/frame", frames.put)
+        session.declare_subscriber("macor/khepera/state", states.put)
+        with a_stranger(bench, lambda: asked.put(1) or make_picture()):
+            asked.get(timeout=PATIENCE)
+            controller.wait_for_steps(3)
+    assert controller.process.poll() is None
+    seen = [sample.payload.to_bytes() for sample in drained(frames)]
+    assert seen
+    for data in seen:
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        assert not picture[:8, :8].any()  # outside the mirror; noise everywhere is the stranger's
+    # a late picture of a busy machine may stop the robot, but no stranger
+    reasons = [json.loads(sample.payload.to_string())["reason"] for sample in drained(states)]
+    assert not [reason for reason in reasons if "no picture (" in reason or "source" in reason]
+
+
+def drained(queue):
+    while not queue.empty():
+        yield queue.get()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_stops_the_robot(bench, map_file, number):
     controllers = []
@@ -98,8 +153,9 @@ def test_a_stop_request_stops_the_robot(bench, map_file):
 def test_the_stop_key_is_off_unless_asked_for(bench, map_file):
     controller = drive(bench, map_file)
     with open_session([], [bench.controller_endpoint]) as session:
-        session.put("macor/khepera/stop", "now")
-        assert not [reply for reply in session.get("macor/khepera/stop", timeout=2.0) if reply.ok]
+        session.put("macor/khepera/stop", REQUEST)
+        replies = session.get("macor/khepera/stop", payload=REQUEST, timeout=2.0)
+        assert not [reply for reply in replies if reply.ok]
     controller.wait_for_steps(2)
 
 
@@ -235,6 +291,15 @@ def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(bench, m
     bench.restart_emulator()
     controller.wait_for_steps(3)
     assert interrupted(controller) > 0
+
+
+def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path):
+    """Its camera has another Zenoh id: a change that is told, and then followed."""
+    with rig(tmp_path, relay=False) as bench:
+        controller = drive(bench, map_file)
+        bench.restart_emulator()
+        controller.wait_for_steps(3)
+        assert interrupted(controller) > 0
 
 
 def test_a_robot_stops_while_its_router_is_gone_and_goes_on_when_it_is_back(map_file, tmp_path):

@@ -5,9 +5,10 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import suppress
 from dataclasses import replace
-from queue import SimpleQueue
+from queue import Queue, SimpleQueue
 
 import pytest
 import serial
@@ -17,6 +18,7 @@ from short_training import train_shortly
 
 import macor_hil.hardware
 import macor_hil.live_run
+import macor_hil.telemetry.publisher
 from macor_hil.bench import ZenohBench
 from macor_hil.brain import Brain, Settings
 from macor_hil.cameras.watch import CameraWatch
@@ -25,6 +27,7 @@ from macor_hil.interruption import Interruption, undisturbed
 from macor_hil.map_file import save_map
 from macor_hil.robot import Khepera, open_port
 from macor_hil.service import Ending, ServiceConfig, serve
+from macor_hil.telemetry.outbox import Outbox
 from macor_hil.telemetry.schemas import Decision, Phase, State
 from macor_hil.telemetry.session import open_session
 
@@ -302,6 +305,51 @@ def test_an_interrupt_that_was_lost_comes_again(monkeypatch):
         signal.raise_signal(signal.SIGINT)
 
 
+def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes():
+    """As pySerial's RFC 2217 client reads: the stop of the robot waits for the same queue."""
+    calls, came = 0, [True]
+    while came:
+        calls, came, raised = calls + 1, [], False
+        received = Queue()
+        received.put(b"x")
+        with Interruption():
+            try:
+                sys.setprofile(signal_after(calls, came))
+                received.get(timeout=1.0)
+                sys.setprofile(None)
+                end = time.monotonic() + PATIENCE
+                while came and time.monotonic() < end:
+                    pass
+            except KeyboardInterrupt:
+                raised = True
+            finally:
+                sys.setprofile(None)
+        assert raised is bool(came), f"after call {calls}"
+        assert received.mutex.acquire(timeout=1.0), f"locked by a signal after call {calls}"
+    assert calls > 3
+
+
+def signal_after(calls, came):
+    """A profile function that sends a signal after so many calls of C functions."""
+
+    def profile(_frame, event, _argument):
+        nonlocal calls
+        calls -= event == "c_return"
+        if calls == 0:
+            sys.setprofile(None)
+            came.append(1)
+            signal.raise_signal(signal.SIGINT)
+
+    return profile
+
+
+def test_a_wait_within_a_condition_is_interrupted_all_the_same():
+    with Interruption():
+        threading.Timer(0.05, os.kill, [os.getpid(), signal.SIGINT]).start()
+        with pytest.raises(KeyboardInterrupt):
+            threading.Event().wait(PATIENCE)
+
+
 def test_a_terminal_that_was_left_on_purpose_may_close():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` does
     try:
@@ -377,6 +425,25 @@ def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
         failed = next(state for state in states(said) if state.phase is Phase.FAILED)
     assert failed.reason == str(error)
     assert failed.driven == 2
+    tap.assert_stopped()
+
+
+def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(config, tap, monkeypatch):
+    """A defect where pictures are encoded, in mid-drive; the camera would never be missed."""
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    outboxes = []
+    monkeypatch.setattr(
+        macor_hil.telemetry.publisher, "Outbox", lambda: outboxes.append(Outbox()) or outboxes[-1]
+    )
+
+    def die():
+        outboxes[0].carry_out(lambda: 1 / 0)
+        outboxes[0]._thread.join(PATIENCE)
+
+    tap.in_mid_drive(die)
+    with pytest.raises(TelemetryError, match="division by zero"):
+        serve(replace(config, listen=(free_endpoint(),), commands=1000))
+    assert tap.count(b"C") == 2  # the stop comes within that command
     tap.assert_stopped()
 
 

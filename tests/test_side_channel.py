@@ -19,7 +19,7 @@ from khepera_emulator.line_coding import LineFormat
 from khepera_emulator.side_channel import SideChannel
 from khepera_emulator.wire_tap import MOST_ENTRIES, WireTap
 from protocol.mirror import Mirror
-from protocol.side_channel import Outline, Stamp, Truth, Wire
+from protocol.side_channel import MOST_TEXT, Outline, Stamp, Truth, Wire
 from protocol.zenoh_config import zenoh_config
 
 START = load_arena("corridor").start
@@ -351,6 +351,15 @@ class TestWireTap:
         for baud in (9600, 9600, 19200):
             tap.line(1.0, LineFormat(baud, 8, "N", 2.0))
         assert [entry.text for entry in tap.since(0).entries] == ["9600 8N2", "19200 8N2"]
+
+    def test_what_is_told_at_once_has_an_end(self):
+        tap = WireTap()
+        for number in range(100):
+            tap.request(float(number), b"x" * 50_000)
+        wire = tap.since(0)
+        assert wire.first == 100 - len(wire.entries) > 0
+        assert {len(entry.text) for entry in wire.entries} == {MOST_TEXT}
+        assert Wire.parse(wire.model_dump_json().encode()) == wire
 
     def test_bytes_that_are_no_text_are_kept(self):
         tap = WireTap()

@@ -6,19 +6,27 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
+import cv2
+import numpy as np
 import pytest
 import zenoh
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
 from typer.testing import CliRunner
 from watching_helpers import a_life
 
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.side_channel import open_zenoh as emulator_session
 from macor_hil import cli
-from macor_hil.errors import TelemetryError
+from macor_hil.cameras import ZenohCamera
+from macor_hil.errors import CameraLostError, TelemetryError
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.recording import Recorder, read_recording
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
+from protocol.zenoh_config import MOST_MESSAGE
+from protocol.zenoh_session import read_configuration
 
+QUIET = "scouting: {multicast: {enabled: false}}"
 DOCS = Path(__file__).parents[1] / "docs" / "zenoh"
 SILENCE = 0.5
 """Seconds after which nothing more is taken to come."""
@@ -52,8 +60,15 @@ def folder(tmp_path_factory):
     (folder / "stranger.json5").write_text("\n".join(kept))
     # signed by an authority of its own, and trusting ours
     subprocess.run(["sh", str(DOCS / "certificates.sh"), str(folder / "forged")], check=True)
-    forged = hurried.replace("certificates/watcher", "forged/watcher")
-    (folder / "forger.json5").write_text(forged)
+    others = {
+        "forger": ("certificates/watcher", "forged/watcher"),
+        "doubter": ("certificates/ca.pem", "forged/ca.pem"),
+        "thief": ("watcher.key", "emulator.key"),
+        "lost": (port, free_endpoint().rpartition(":")[2]),
+        "plain": ("tls/127", "tcp/127"),
+    }
+    for name, (old, new) in others.items():
+        (folder / f"{name}.json5").write_text(hurried.replace(old, new))
     return folder
 
 
@@ -100,13 +115,41 @@ def test_a_watcher_can_neither_publish_nor_stop(folder):
         queue = heard(other, "macor/khepera/**")
         wait_until_watched(controller, "macor/khepera/state")
         watcher.put("macor/khepera/state", "all is well")
-        watcher.put("macor/khepera/stop", "stop")
+        watcher.put("macor/khepera/stop", '{"stop": true}')
         with pytest.raises(TelemetryError, match="nobody answers"):
             ask_to_stop(watcher, "khepera")
         assert nothing(queue)
         assert not stops
         ask_to_stop(other, "khepera")
         assert stops
+
+
+def test_a_watcher_cannot_be_taken_for_the_camera(folder):
+    def picture_of(level):
+        image = np.zeros((16, 16, 3), np.uint8)
+        image[:8] = level
+        return cv2.imencode(".png", image)[1].tobytes()
+
+    def answering(session, level, asked):
+        def answer(query):
+            with query:
+                asked.append(1)
+                query.reply("khepera/khepera/camera", picture_of(level))
+
+        return session.declare_queryable("khepera/khepera/camera", answer, complete=True)
+
+    asked, stranger_asked = [], []
+    with (
+        sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher),
+        answering(watcher, 50, stranger_asked),
+    ):
+        camera = ZenohCamera(controller, "khepera/khepera/camera")
+        with pytest.raises(CameraLostError):
+            camera.grab()
+        with answering(emulator, 200, asked):
+            assert camera.grab().image.max() == 200
+    assert asked
+    assert not stranger_asked
 
 
 def macor_hil(*arguments):
@@ -166,14 +209,50 @@ def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder):
             assert not list(watcher.get("khepera/khepera/reset", timeout=SILENCE))
 
 
-@pytest.mark.parametrize("name", ["stranger", "forger"])
-def test_a_stranger_without_a_certificate_of_ours_gets_nothing(folder, name):
-    with sessions(folder, "watcher"), pytest.raises(TelemetryError, match=f"{name}.json5 says"):
-        open_session([], [], folder / f"{name}.json5")
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("stranger", "refuses a program without certificate"),
+        ("forger", "refuses this program's certificate, .*forged/watcher.pem"),
+        ("doubter", "is not to be trusted by root_ca_certificate, .*forged/ca.pem: "),
+        ("thief", "watcher.pem, and connect_private_key, .*emulator.key, are no pair"),
+        ("lost", "nobody listens on tls/127.0.0.1:"),
+        ("plain", "a program listens on tcp/127.0.0.1:.*, and does not let this one in"),
+    ],
+)
+def test_who_gets_nothing_is_told_why(folder, name, reason):
+    config = folder / f"{name}.json5"
+    with (
+        pytest.raises(TelemetryError, match=f"{name}.json5 says: .*{reason}") as failure,
+        open_session([], [], config),
+    ):
+        pass
+    assert "\n" not in str(failure.value)
 
 
-def test_a_file_that_cannot_be_used_is_named(tmp_path):
+@pytest.mark.parametrize("opened", [open_session, emulator_session])
+def test_a_file_that_cannot_be_used_is_named(tmp_path, folder, opened):
     (tmp_path / "cake.json5").write_text("flour")
-    for name in ("none", "cake"):
-        with pytest.raises(TelemetryError, match=f"{name}.json5 says"):
-            open_session([], [], tmp_path / f"{name}.json5")
+    text = (folder / "watcher.json5").read_text()
+    for name, old in (("ca", "ca.pem"), ("key", "watcher.key")):
+        (tmp_path / f"{name}.json5").write_text(text.replace(old, "nowhere"))
+    for name, reason in (
+        ("none", "none.json5: No such file"),
+        ("cake", "cake.json5 says: .*expected"),
+        ("ca", "its transport/link/tls/root_ca_certificate, .*nowhere: No such file"),
+        ("key", "its transport/link/tls/connect_private_key, .*nowhere: No such file"),
+    ):
+        config = tmp_path / f"{name}.json5"
+        refused = pytest.raises((TelemetryError, EmulatorError), match=reason)
+        with refused, opened([], [], config):
+            pass
+
+
+def test_what_a_file_says_of_shared_memory_and_of_long_messages_does_not_count(tmp_path):
+    for name, text in (("yes", "true"), ("no", "false")):
+        transport = f"{{shared_memory: {{enabled: {text}}}}}"
+        file = tmp_path / f"{name}.json5"
+        file.write_text(f"{{mode: 'peer', {QUIET}, transport: {transport}}}")
+        config = read_configuration(file)
+        assert config.get_json("transport/shared_memory/enabled") == "false"
+        assert config.get_json("transport/link/rx/max_message_size") == str(MOST_MESSAGE)

@@ -78,8 +78,10 @@ class FacesRenderer:
                 physicsClientId=self._world.client,
             )
             part = atlas[:, face * self._size : (face + 1) * self._size]
-            solid = (body >= 0).view(np.uint8)
-            cv2.copyTo(cv2.cvtColor(pixels, cv2.COLOR_RGBA2BGR), solid, part)
+            # a PyBullet that was built without NumPy hands out flat tuples
+            colours = np.asarray(pixels, np.uint8).reshape(self._rows, self._size, 4)
+            solid = np.asarray(body, np.int32).reshape(self._rows, self._size) >= 0
+            cv2.copyTo(cv2.cvtColor(colours, cv2.COLOR_RGBA2BGR), solid.view(np.uint8), part)
         return atlas
 
     def place(self, azimuth: Grid, elevation: Grid) -> tuple[Grid, Grid]:

@@ -1,10 +1,10 @@
 """Cameras by one string.
 
 * `port`: the camera of the robot behind a `khepera://` port, in this process.
-* `zenoh`: the emulator's camera of the robot of this name; `zenoh:KEY`: any source on a Zenoh
-  key, asked for a picture, or heard if it answers no queries.
+* `zenoh`: the emulator's camera of the robot of this name; `zenoh:KEY`: a source on a Zenoh key,
+  asked for a picture, or heard if it answers no queries; the one that alone answers at first.
 * `video:0`, `video:/dev/video0`: a video device, or a stream such as `video:rtsp://...`; always
-  its newest picture.
+  its newest picture, and opened again when it has gone or is silent.
 * `video:drive.mp4`: a video file, one picture after the other.
 * `images:FOLDER`: the pictures of a folder in the order of their names.
 """

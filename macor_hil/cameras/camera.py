@@ -3,9 +3,6 @@
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from macor_hil.vision.unwrap import Image
 
 PATIENCE: Final = 2.0
@@ -41,8 +38,3 @@ class Camera(Protocol):
     def close(self) -> None:
         """Give the device back."""
         ...
-
-
-def as_image(picture: NDArray[np.generic]) -> Image:
-    """A picture as OpenCV gives it, as bytes in three channels."""
-    return np.asarray(picture, dtype=np.uint8)

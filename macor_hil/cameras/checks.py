@@ -1,15 +1,18 @@
-"""Pictures that must not be acted upon, noticed and named: late, frozen, dark, of a wrong size."""
+"""Pictures that must not be acted upon, noticed and named: late, frozen, dark, flat, too small."""
 
 import threading
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from macor_hil.cameras.camera import Camera, Frame
 from macor_hil.errors import (
     CameraDarkError,
+    CameraFlatError,
     CameraFrozenError,
     CameraLateError,
     CameraLostError,
@@ -21,8 +24,11 @@ from protocol.mirror import Mirror
 _STEP: Final = 4
 """Every fourth pixel tells whether a picture is dark."""
 
-_BRIGHT: Final = 99.0
-"""Percentile of grey that stands for the brightest part of a picture."""
+_HUNDREDTH: Final = 100
+"""Share of the pixels that stands for the darkest or the brightest part of a picture."""
+
+_BRIGHTEST: Final = 99.0
+"""Percentile of grey at its lower end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,21 +37,26 @@ class PictureLimits:
 
     Attributes:
         size: width and height in pixels; None: any.
+        mirror: where the mirror lies in it; None: it may be all of it.
         dark: grey level, 0 to 255, that the brightest hundredth of the pixels must reach.
+        flat: grey levels between the darkest and the brightest hundredth of a channel, in the
+            mirror, that some channel must have: noise alone makes 4 to 8.
         late: seconds that a picture may take to come.
         repeats: times that the same picture may come again, bit for bit: a sensor's noise makes
             any two pictures differ.
     """
 
     size: tuple[int, int] | None = None
+    mirror: Mirror | None = None
     dark: float = 24.0
+    flat: float = 12.0
     late: float = 0.5
     repeats: int = 0
 
 
 def limits_for(mirror: Mirror) -> PictureLimits:
     """Limits for the camera that a mirror was described for."""
-    return PictureLimits(size=(mirror.width, mirror.height))
+    return PictureLimits(size=(mirror.width, mirror.height), mirror=mirror)
 
 
 class CheckedCamera:
@@ -132,10 +143,36 @@ def check_light(image: Image, limits: PictureLimits) -> None:
 
     Raises:
         CameraDarkError: even its brightest part is dark.
+        CameraFlatError: all of it is alike.
     """
-    brightest = float(np.percentile(image[::_STEP, ::_STEP].max(axis=-1), _BRIGHT))
+    few = image[::_STEP, ::_STEP]
+    brightest = float(np.percentile(few.max(axis=-1), _BRIGHTEST))
     if brightest < limits.dark:
         raise CameraDarkError(
             f"the picture is dark: its brightest part has grey level {brightest:.0f} of 255,"
             f" {limits.dark:.0f} are needed; is the lens covered, or the light off?"
         )
+    seen = few.reshape(-1, 3)
+    if limits.mirror is not None:
+        seen = image.reshape(-1, 3).take(_in_the_mirror(limits.mirror), axis=0)
+    k = len(seen) // _HUNDREDTH
+    last = len(seen) - 1 - k
+    if last < k:
+        return  # a mirror of a few pixels
+    low, high = np.partition(seen, (k, last), axis=0)[[k, last]]
+    if (high - low).max() < limits.flat:
+        raise CameraFlatError(
+            f"nothing can be seen in the picture: all of it has colours of about"
+            f" {', '.join(f'{level:.0f}' for level in high[::-1])} (red, green, blue of 255); is"
+            " there too much light, or something before the lens?"
+        )
+
+
+@lru_cache(maxsize=8)
+def _in_the_mirror(mirror: Mirror) -> NDArray[np.intp]:
+    """Indices of the pixels to look at: those of the mirror, without its blurred rims."""
+    rim = (mirror.outer - mirror.inner) / 16
+    y, x = np.mgrid[0 : mirror.height : _STEP, 0 : mirror.width : _STEP]
+    radius = np.hypot(x - mirror.centre_x, y - mirror.centre_y)
+    inside = (mirror.inner + rim < radius) & (radius < mirror.outer - rim)
+    return np.asarray((y * mirror.width + x)[inside])

@@ -5,9 +5,10 @@ from typing import Final
 
 import cv2
 
-from macor_hil.cameras.camera import Frame, as_image
+from macor_hil.cameras.camera import Frame
+from macor_hil.cameras.decoding import read_picture
+from macor_hil.cameras.video import open_video, read_video
 from macor_hil.errors import CameraError, CameraLostError
-from macor_hil.vision.unwrap import Image
 
 _IMAGES: Final = (".bmp", ".jpeg", ".jpg", ".png")
 
@@ -19,19 +20,17 @@ class VideoFileCamera:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._capture = cv2.VideoCapture(name)
-        if not self._capture.isOpened():
-            raise CameraError(f"cannot open the video source {name!r}")
+        self._capture = open_video(name)
         self._sequence = -1
 
     def grab(self) -> Frame:
         """The next picture of the file."""
-        good, image = self._capture.read()
-        if not good:
+        image = read_video(self._capture, self._name)
+        if image is None:
             raise CameraLostError(f"no more pictures from the video source {self._name!r}")
         self._sequence += 1
         seconds = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
-        return Frame(as_image(image), seconds, self._sequence)
+        return Frame(image, seconds, self._sequence)
 
     def close(self) -> None:
         """Close the file."""
@@ -66,15 +65,3 @@ class ImagesCamera:
 
     def close(self) -> None:
         """Nothing is open."""
-
-
-def read_picture(path: Path) -> Image:
-    """A picture file.
-
-    Raises:
-        CameraError: there is none, or none that OpenCV reads.
-    """
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise CameraError(f"cannot read the picture {path}")
-    return as_image(image)

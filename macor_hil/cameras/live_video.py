@@ -1,47 +1,32 @@
 """A video device or network stream: always its newest picture, also when it comes and goes.
 
 A driver queues pictures, and one that was unplugged makes the next read wait for seconds. So a
-thread of its own reads all the time and keeps the newest picture only.
+thread of its own reads all the time and keeps the newest picture only. A stream that goes silent
+is given up after two seconds (`video`) and opened again; a device of Video4Linux after the ten
+seconds of OpenCV's own limit, which nothing here can change.
 """
 
-import threading
 import time
 from collections.abc import Callable
-from typing import Any, Final, Protocol
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from typing import Final
 
-import cv2
-
-from macor_hil.cameras.camera import PATIENCE, Frame, as_image
-from macor_hil.errors import CameraError, CameraLostError
+from macor_hil.cameras.camera import PATIENCE, Frame
+from macor_hil.cameras.video import Capture, open_capture, open_video, read_video
+from macor_hil.errors import CameraError, CameraLostError, WrongPictureError
+from macor_hil.helper_thread import END_PATIENCE, HelperThread
 
 _RETRY: Final = 0.5
 """Seconds between two attempts at opening a device that has gone."""
 
-
-class Capture(Protocol):
-    """What is used of OpenCV's VideoCapture."""
-
-    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """Whether pictures may come."""
-        ...
-
-    def read(self) -> tuple[bool, Any]:
-        """Whether a picture came, and the picture."""
-        ...
-
-    def release(self) -> None:
-        """Give the device back."""
-        ...
+_POLL: Final = 0.002
+"""Seconds between two looks for a new picture: no lock that a Ctrl-C could leave locked."""
 
 
 def is_device(name: str) -> bool:
     """Whether a name after `video:` means a source that shows the present."""
     return name.isdecimal() or name.startswith("/dev/") or "://" in name
-
-
-def open_capture(name: str) -> Capture:
-    """OpenCV's capture of a device number, device or address."""
-    return cv2.VideoCapture(int(name) if name.isdecimal() else name)
 
 
 class LiveVideoCamera:
@@ -60,48 +45,66 @@ class LiveVideoCamera:
     def __init__(self, name: str, open_device: Callable[[str], Capture] = open_capture) -> None:
         self._name = name
         self._open = open_device
-        self._capture = open_device(name)
-        if not self._capture.isOpened():
-            raise CameraError(f"cannot open the video source {name!r}")
-        self._came = threading.Condition()
+        self._capture: Capture | None = open_video(name, open_device)
         self._begun = 0
         self._newest: Frame | None = None
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"video {name}", daemon=True)
+        self._wrong = ""
+        self._closing: SimpleQueue[None] = SimpleQueue()
+        self._thread = HelperThread(self._run, f"video {name}")
         self._thread.start()
 
     def grab(self) -> Frame:
         """The first picture whose reading has not begun before now."""
-        with self._came:
-            wanted = self._begun + 1
-            if self._came.wait_for(lambda: self._number() >= wanted, PATIENCE):
-                assert self._newest is not None
-                return self._newest
-        raise CameraLostError(
-            f"no picture from the video source {self._name!r} for {PATIENCE:.0f} s; is its cable"
-            " in?"
-        )
+        wanted = self._begun + 1
+        end = time.monotonic() + PATIENCE
+        while self._newest is None or self._newest.sequence < wanted:
+            if self._wrong:
+                raise WrongPictureError(self._wrong)
+            if why := self._thread.ended():
+                raise CameraLostError(f"the video source {self._name!r} is read no more: {why}")
+            if time.monotonic() > end:
+                raise CameraLostError(
+                    f"no picture from the video source {self._name!r} for {PATIENCE:.0f} s; is its"
+                    " cable in?"
+                )
+            time.sleep(_POLL)
+        return self._newest
 
     def close(self) -> None:
-        """Release the device."""
-        self._closing.set()
-        self._thread.join(PATIENCE)
-
-    def _number(self) -> int:
-        return -1 if self._newest is None else self._newest.sequence
+        """Have the device released: at once if it works, soon if it is silent."""
+        self._closing.put(None)
+        self._thread.join(END_PATIENCE)
 
     def _run(self) -> None:
-        while not self._closing.is_set():
-            with self._came:
-                self._begun += 1
-                number = self._begun
-            good, image = self._capture.read()
-            if good:
-                with self._came:
-                    self._newest = Frame(as_image(image), time.time(), number)
-                    self._came.notify_all()
-            else:
-                self._capture.release()
-                self._closing.wait(_RETRY)
-                self._capture = self._open(self._name)
-        self._capture.release()
+        while self._closing.empty():
+            if self._capture is None or not self._read(self._capture):
+                self._reopen()
+        if self._capture is not None:
+            self._capture.release()
+
+    def _read(self, capture: Capture) -> bool:
+        self._begun = number = self._begun + 1
+        try:
+            image = read_video(capture, self._name)
+        except WrongPictureError as error:
+            self._wrong = str(error)
+            return False
+        if image is None:
+            return False
+        self._newest, self._wrong = Frame(image, time.time(), number), ""
+        return True
+
+    def _reopen(self) -> None:
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None
+        with suppress(Empty):
+            self._closing.get(timeout=_RETRY)
+            self._closing.put(None)
+            return
+        try:
+            self._capture = open_video(self._name, self._open)
+        except WrongPictureError as error:
+            self._wrong = str(error)
+        except CameraError:
+            self._wrong = ""  # it is gone; the next attempt may find it

@@ -34,7 +34,7 @@ from macor_hil.demo import DEFAULT_SEED, DemoSettings, reserved, run_demo
 from macor_hil.drive import DriveSettings
 from macor_hil.map_file import load_map
 from macor_hil.pictures import draw_trials, draw_view
-from macor_hil.planners import PLANNERS
+from macor_hil.planners.table import PLANNERS
 from macor_hil.profile import load_profile
 from macor_hil.service import ServiceConfig, serve
 from macor_hil.telemetry.session import open_session

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from macor_hil.agent import Agent
 from macor_hil.bench import Bench
-from macor_hil.brain import Brain, Settings
+from macor_hil.brain import MOST_NODES, Brain, Settings
 from macor_hil.cameras.checks import CheckedCamera, limits_for
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.caretaker import Caretaker
@@ -49,16 +49,20 @@ from macor_hil.errors import MacorError, MapError
 from macor_hil.hardware import is_embedded
 from macor_hil.interruption import signals_taken_over
 from macor_hil.map_file import load_map, save_map
-from macor_hil.planners import PLANNERS
+from macor_hil.planners.table import PLANNERS
 from macor_hil.profile import RobotProfile, load_profile
 from macor_hil.service import find_planner
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
 from protocol.side_channel import DEFAULT_ENDPOINT, Reset
+from protocol.text import printable
 
 _DRIVE: Final = DriveSettings()
 
 app = typer.Typer()
+
+_MOST_COMMANDS: Final = 500_000
+"""Of each kind: a map of more transitions than both together would not be read again."""
 
 
 class RecoveryChoice(StrEnum):
@@ -76,16 +80,24 @@ def train(
     baud: BaudOption = 9600,
     map_file: MapOption = DEFAULT_MAP,
     seed: SeedOption = DEFAULT_SEED,
-    nodes: Annotated[int, typer.Option(min=1, help="Most situations there can be.")] = 50,
+    nodes: Annotated[
+        int, typer.Option(min=1, max=MOST_NODES, help="Most situations there can be.")
+    ] = 50,
     vigilance: Annotated[float, typer.Option(min=0.0, max=1.0, help="Fuzzy ART's rho.")] = 0.9,
     tuning: Annotated[
-        int, typer.Option(min=10, help="Commands driven first, to tune the receptive fields.")
+        int,
+        typer.Option(
+            min=10, max=4_000, help="Commands driven first, to tune the receptive fields."
+        ),
     ] = 400,
-    random: Annotated[int, typer.Option(min=0, help="Randomly selected commands.")] = 13_000,
+    random: Annotated[
+        int, typer.Option(min=0, max=_MOST_COMMANDS, help="Randomly selected commands.")
+    ] = 13_000,
     reactive: Annotated[
         int,
         typer.Option(
             min=0,
+            max=_MOST_COMMANDS,
             help="Reactively selected commands after them; the paper's section 3.1 has"
             " --random 11000 --reactive 2000.",
         ),
@@ -167,7 +179,7 @@ def train(
 
 def _ask(bar: Bar, what: str) -> None:
     """Have the operator see to something; Ctrl-C ends the training, which can go on later."""
-    bar.ask(f"\a{what}. Press Enter when done")
+    bar.ask(f"\a{printable(what)}. Press Enter when done")
 
 
 def _what_is_kept(map_file: Path, schedule: Schedule) -> str:
@@ -312,20 +324,22 @@ def reproduce(
 def learn(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
     map_file: MapOption = DEFAULT_MAP,
-    nodes: Annotated[int, typer.Option(min=1, help="Most situations there can be.")] = 50,
+    nodes: Annotated[
+        int, typer.Option(min=1, max=MOST_NODES, help="Most situations there can be.")
+    ] = 50,
     vigilance: Annotated[float, typer.Option(min=0.0, max=1.0, help="Fuzzy ART's rho.")] = 0.9,
     seed: Annotated[int, typer.Option(min=0, help="Of where the prototypes begin.")] = 1,
 ) -> None:
     """Train a map from recordings of drives (see `record`), without a robot."""
     with extra("recording"):
-        from macor_hil.telemetry.recording import read_recording
+        from macor_hil.telemetry.recording import play_recording
     from macor_hil.learning import learn as take_in
 
     check_file("--map", map_file)
     if map_file.exists():
         raise MapError(f"the map {map_file} is there already; name another --map")
     brain = Brain(Settings(nodes=nodes, vigilance=vigilance))
-    recordings = [read_recording(file)[1] for file in files]
+    recordings = (play_recording(file)[1] for file in files)
     driven = take_in(brain, recordings, np.random.default_rng(seed))
     save_map(map_file, brain, {"recordings": [str(file) for file in files]})
     typer.echo(

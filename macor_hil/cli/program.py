@@ -1,5 +1,6 @@
 """The commands of `macor-hil`, and what becomes of their errors and signals."""
 
+import logging
 import os
 import sys
 from contextlib import suppress
@@ -11,6 +12,7 @@ from macor_hil.cli import driving, learning, measuring, ros, watching
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
 from macor_hil.errors import MacorError, NotStoppedError
 from macor_hil.interruption import Interruption
+from protocol.text import PrintableFormatter, printable
 
 _EXAMPLES = f"""[bold]Examples[/bold]
 
@@ -49,6 +51,9 @@ for _part in (learning, driving, measuring, watching, ros):
 
 def run() -> int:
     """Run the command line; errors are one sentence. Returns the exit status."""
+    logs = logging.StreamHandler()
+    logs.setFormatter(PrintableFormatter("%(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[logs])
     with Interruption(closed_output) as interruption:
         status = _run(interruption)
         interruption.hold()
@@ -102,4 +107,4 @@ def _farewell(interruption: Interruption) -> str:
 
 def _say(sentence: str) -> None:
     with suppress(OSError):  # nobody reads that either
-        print(f"macor-hil: {sentence}", file=sys.stderr)  # noqa: T201
+        print(f"macor-hil: {printable(sentence)}", file=sys.stderr)  # noqa: T201

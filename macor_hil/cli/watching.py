@@ -2,7 +2,9 @@
 
 import json
 import socket
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +19,9 @@ from macor_hil.monitor.terminal import watch
 from macor_hil.telemetry.keys import KEYS
 from macor_hil.telemetry.keys_page import keys_page
 from macor_hil.telemetry.session import open_session
+from protocol.schema import schema_of
 from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+from protocol.text import printable
 
 app = typer.Typer()
 
@@ -41,7 +45,7 @@ def keys(
     if payload is None:
         known = ", ".join(key.leaf for key in KEYS if key.payload)
         raise TelemetryError(f"no key of JSON samples ends with {leaf!r}; there are {known}")
-    typer.echo(json.dumps(payload.model_json_schema(), indent=2))
+    typer.echo(json.dumps(schema_of(payload), indent=2))
 
 
 @app.command(epilog="[cyan]macor-hil monitor --connect tcp/127.0.0.1:7448[/cyan]")
@@ -79,8 +83,8 @@ def record(
     with extra("recording"):
         from macor_hil.telemetry.recorder import record as write
     with claim(file), open_session([], connect, zenoh_config) as session:
-        samples = write(session, robot, file, duration)
-    typer.echo(f"{file}: {samples} samples")
+        samples, not_taken = write(session, robot, file, duration)
+    typer.echo("; ".join(filter(None, [f"{file}: {samples} samples", not_taken.words()])))
 
 
 @app.command(epilog="[cyan]macor-hil replay runs/drive.mcap --speed 2[/cyan]")
@@ -99,18 +103,18 @@ def replay(
 ) -> None:
     """Publish a recording again, with its times: every monitor works on it."""
     with extra("recording"):
-        from macor_hil.telemetry.recording import read_recording
+        from macor_hil.telemetry.recording import play_recording
     from macor_hil.telemetry.replay import Stage
     from macor_hil.telemetry.replay import replay as play
 
-    name, events = read_recording(file)
-    with open_session(listen, [], zenoh_config) as session, Stage(session, robot or name) as stage:
-        of = len(events)
-        with kept(
-            lambda: f"{stage.shown} of {of} events were published; the same command begins anew"
-        ):
-            play(events, stage, speed)
-    typer.echo(f"{file}: {len(events)} events of {name}")
+    name, events = play_recording(file)
+    with (
+        open_session(listen, [], zenoh_config) as session,
+        Stage(session, robot or name) as stage,
+        kept(lambda: f"{stage.shown} events were published; the same command begins anew"),
+    ):
+        count = play(events, stage, speed)
+    typer.echo(f"{file}: {count} events of {printable(name)}")
 
 
 @app.command(
@@ -136,16 +140,19 @@ def dashboard(
     from macor_hil.monitor.watcher import Watcher
 
     with ExitStack() as stack:
-        source: Live | Player
+        open_source: Callable[[], Live | Player]
+        poll = None
         if file is None:
             session = stack.enter_context(open_session([], connect, zenoh_config))
-            source = Live(stack.enter_context(Watcher(session, robot, camera=True)))
+            live = Live(stack.enter_context(Watcher(session, robot, camera=True)))
+            open_source, poll = lambda: live, live.poll
         else:
             with extra("recording"):
                 from macor_hil.telemetry.recording import read_recording
-            source = Player(*read_recording(file))
+            name, events = read_recording(file)
+            open_source = partial(Player, printable(name, 100), events)
         _check_free(port)
-        serve(source, port, lambda: typer.echo(f"http://127.0.0.1:{port}"))
+        serve(open_source, port, lambda: typer.echo(f"http://127.0.0.1:{port}"), poll)
 
 
 def _check_free(port: int) -> None:

@@ -2,16 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from matplotlib.figure import Figure
 
 from macor_hil.experiments.blocks import Block
 from macor_hil.experiments.recording import Drive, Recordings
 from macor_hil.experiments.results import Result, Results
-
-TOOK: Final = "took"
-"""Where a result may say what its parts took."""
 
 
 class Settings(Protocol):

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from macor_hil.experiments.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.drawing import draw_seeds
-from macor_hil.experiments.experiment import TOOK, Experiment
+from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.falcon import PEER, FuzzySets, Parameters, learn_falcon
 from macor_hil.experiments.learning import (
     ANTICIPATIVE,
@@ -29,7 +29,7 @@ from macor_hil.experiments.learning import (
     learn_all,
 )
 from macor_hil.experiments.recording import Drive, Recording, Recordings
-from macor_hil.experiments.results import Result, Results
+from macor_hil.experiments.results import TOOK, Result, Results
 from macor_hil.experiments.statistics import Order, estimate, mean, order
 from macor_hil.experiments.systems import (
     Course,

@@ -8,13 +8,14 @@ drives begin with the same random commands, which are driven once for both.
 """
 
 import io
+import logging
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
-from zipfile import BadZipFile
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, TypeAdapter
 
 from macor_hil.brain import Brain, Settings
 from macor_hil.clustering.fuzzy_art import Resonance
@@ -23,27 +24,24 @@ from macor_hil.errors import MapError
 from macor_hil.experiments.results import key_of
 from macor_hil.experiments.sources import digest
 from macor_hil.hardware import open_hardware
+from macor_hil.input_files import MIB, InputError, checked, read_arrays, read_bounded
 from macor_hil.map_file import load_map, save_map, write_atomically
 from macor_hil.reinforcement import Reinforcement
 from macor_hil.robot import Khepera
 from macor_hil.training import Schedule, Trainer
 from macor_hil.vision.receptive_fields import Features
 
+_log = logging.getLogger(__name__)
+
+_MOST_BYTES: Final = 256 * MIB
+_MOST_RAW: Final = 10.0
+_SECONDS: Final = TypeAdapter(Annotated[float, Field(ge=0.0, le=1e9)])
+
 PUT_DOWN: Final = -1
 """Stands for the command of a frame that was seen where the robot had been put down."""
 
 _KEPT_EVERY: Final = 4
 """Sessions after which what was driven is kept, so that an interrupted drive goes on from there."""
-
-_NO_PART: Final = (
-    "macor_hil/clustering/clusterer",
-    "macor_hil/clustering/neural_gas",
-    "macor_hil/planners/__init__",
-    "macor_hil/trials",
-    "macor_hil/planners/expected",
-    "macor_hil/planners/q_learning",
-)
-"""Code that learns from recordings and has no part in making them."""
 
 
 @dataclass(frozen=True)
@@ -267,12 +265,12 @@ class _Part:
         brain.go_on_from(known)
         try:
             frames, sessions, seconds = (facts[name] for name in ("frames", "sessions", "seconds"))
-            with np.load(self._frames, allow_pickle=False) as archive:
-                reel.raw = list(archive["raw"][:frames])
-                reel.commands = archive["commands"][:frames].tolist()
-                reel.collided = archive["collided"][:frames].tolist()
-        except (OSError, KeyError, TypeError, ValueError, BadZipFile) as error:
-            raise MapError(f"{self._frames} is damaged ({error}); take it away") from None
+            raw, commands, collided = read_frames(self._frames, brain.fields.size)
+        except (KeyError, TypeError) as error:
+            raise MapError(f"{self._map} is damaged ({error}); take it away") from None
+        # later ones may be there from a kill in between
+        reel.raw, reel.commands = list(raw[:frames]), commands[:frames].tolist()
+        reel.collided = collided[:frames].tolist()
         return sessions, seconds
 
     def remove(self) -> None:
@@ -301,7 +299,7 @@ class Recordings:
     def __init__(self, folder: Path, drive: Drive) -> None:
         self.drive = drive
         self.beginnings = None if drive.beginning is None else Recordings(folder, drive.beginning)
-        self.key = key_of(drive, digest([drive.arena], _NO_PART))
+        self.key = key_of(drive, digest(record, [drive.arena]))
         self.folder = folder / self.key
 
     def has(self, seed: int) -> bool:
@@ -319,10 +317,26 @@ class Recordings:
     def __getitem__(self, seed: int) -> Recording:
         """The recording of a seed, the same whether it was there or is made now."""
         self.make(seed)
+        try:
+            return self._load(seed)
+        except MapError as error:
+            _log.warning("%s; it is driven again", error)
+            self._frames(seed).unlink(missing_ok=True)
+            self.make(seed)
+            return self._load(seed)
+
+    def _load(self, seed: int) -> Recording:
+        """Read a recording that is there.
+
+        Raises:
+            MapError: it is damaged.
+        """
         brain, facts = load_map(self._map(seed))
-        with np.load(self._frames(seed), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        return Recording(brain, robot_seconds=facts["robot_seconds"], **arrays)
+        try:
+            seconds = checked(_SECONDS, facts.get("robot_seconds"))
+        except InputError as error:
+            raise MapError(f"{self._map(seed)} is damaged: its time {error}") from None
+        return Recording(brain, *read_frames(self._frames(seed), brain.fields.size), seconds)
 
     def _save(self, seed: int, recording: Recording) -> None:
         facts = {"port": self.drive.port(seed), "robot_seconds": recording.robot_seconds}
@@ -340,3 +354,44 @@ class Recordings:
 
     def _frames(self, seed: int) -> Path:
         return self.folder / f"seed-{seed:04}.frames.npz"
+
+
+Frames = tuple[Features, NDArray[np.int64], NDArray[np.bool_]]
+"""Untuned features, commands and collisions; see `Recording`."""
+
+
+def read_frames(path: Path, features: int) -> Frames:
+    """Read frames of so many features each.
+
+    Raises:
+        MapError: the file is not there or damaged, or no drive can have given such frames.
+    """
+    try:
+        arrays = read_arrays(read_bounded(path, _MOST_BYTES), _MOST_BYTES)
+        raw, commands, collided = (arrays[name] for name in ("raw", "commands", "collided"))
+        _check_frames(features, raw, commands, collided)
+    except KeyError as error:
+        raise MapError(f"the recording {path} is damaged: it has no {error}") from None
+    except (OSError, InputError) as error:
+        raise MapError(f"the recording {path} is damaged: {error}") from None
+    return raw, commands, collided
+
+
+def _check_frames(
+    features: int, raw: NDArray[Any], commands: NDArray[Any], collided: NDArray[Any]
+) -> None:
+    """Refuse frames that no drive can have given.
+
+    Raises:
+        InputError: they are of other shapes or kinds, or not possible.
+    """
+    count = len(commands) if commands.ndim else 0
+    shapes = (count, features), (count,), (count,)
+    kinds = "fib"
+    for array, shape, kind in zip((raw, commands, collided), shapes, kinds, strict=True):
+        if array.shape != shape or array.dtype.kind != kind:
+            raise InputError(f"it has frames of {array.dtype} and shape {array.shape}")
+    if not (np.abs(raw) <= _MOST_RAW).all():
+        raise InputError("a feature is out of its bounds")
+    if not ((commands >= PUT_DOWN) & (commands < len(COMMANDS))).all():
+        raise InputError("a command is none of the controller's")

@@ -9,10 +9,11 @@ from typing import Any, Final, TypeVar
 import joblib
 
 from macor_hil.experiments.engine import engine
-from macor_hil.experiments.experiment import TOOK, Experiment
+from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.recording import Recordings
 from macor_hil.experiments.report import Chapter, write_report
 from macor_hil.experiments.results import (
+    TOOK,
     Result,
     Results,
     ResultsFile,
@@ -72,7 +73,7 @@ def reproduce(
             )
             for experiment in experiments
         ]
-        return write_report(out / "report", chapters, read_lines(out / COSTS))
+        return write_report(out / "report", chapters, _costs(out / COSTS))
 
 
 def _sweep(
@@ -81,7 +82,7 @@ def _sweep(
     """Results of an experiment; those that are missing are made now."""
     settings = experiment.settings
     recordings = Recordings(out / "recordings", settings.drive)
-    code = digest({settings.drive.arena, *settings.arenas})
+    code = digest(experiment.trial, {settings.drive.arena, *settings.arenas})
     file = ResultsFile(out / "results", experiment.kept_as, settings, code)
     results = file.read()
     missing = [seed for seed in seeds if seed not in results]
@@ -133,6 +134,17 @@ def _timed(work: Callable[[int], _T], seed: int) -> tuple[int, _T, float]:
     start = time.perf_counter()
     value = work(seed)
     return seed, value, time.perf_counter() - start
+
+
+def _costs(path: Path) -> list[dict[str, Any]]:
+    """Lines that can be read of what each piece of work took."""
+    return [
+        line
+        for line in read_lines(path)
+        if line is not None
+        and isinstance(line.get("what"), str)
+        and isinstance(line.get("seconds"), float | int)
+    ]
 
 
 def _cost(what: str, seed: int, seconds: float) -> dict[str, Any]:

@@ -45,7 +45,7 @@ def watch(
     with Watcher(session, robot) as watcher:
         if once:
             watcher.follow(_ONCE_PATIENCE, until=lambda: watcher.introduced)
-            console.print(render(watcher.watched, time.time()))
+            console.print(render(watcher.watched, watcher.now))
         else:
             _show(watcher, console, inf if duration is None else duration)
         return watcher.watched.controlled.alive
@@ -56,7 +56,7 @@ def _show(watcher: Watcher, console: Console, duration: float) -> None:
     with Live(console=console, auto_refresh=False, transient=False) as live:
         try:
             while (now := time.monotonic()) < end:
-                live.update(render(watcher.watched, time.time()), refresh=True)
+                live.update(render(watcher.watched, watcher.now), refresh=True)
                 watcher.follow(min(_REFRESH, end - now))
         except KeyboardInterrupt:
             pass  # the way to end it

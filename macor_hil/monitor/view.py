@@ -11,6 +11,7 @@ from rich.text import Text
 from macor_hil.monitor.watched import Arrivals, Controlled, Emulated, Watched
 from macor_hil.telemetry.schemas import Alternative, Decision, Link, Phase, State
 from protocol.commands import SENSORS
+from protocol.text import printable
 from protocol.units import PROXIMITY_FULL
 
 _BAR_WIDTH: Final = 32
@@ -41,7 +42,7 @@ def render(watched: Watched, now: float) -> RenderableType:
     rows.add_column(style="dim", no_wrap=True, min_width=13, max_width=13)
     rows.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
     seen = watched.controlled
-    rows.add_row("controller", _status(seen))
+    rows.add_row("controller", _status(seen, watched.emulated.client(now)))
     if seen.state:
         _add_state(rows, seen.state)
     rows.add_row("frames", _stream(watched.frames, now, f"{len(watched.frame) / 1000:.1f} kB"))
@@ -50,12 +51,12 @@ def render(watched: Watched, now: float) -> RenderableType:
         rows.add_row("link", _link(seen.link))
     if seen.decision:
         _add_decision(rows, seen.decision, [past.reinforcement for past in seen.history])
-        rows.add_row("wheels", _wheels(seen.decision, watched.emulated))
+        rows.add_row("wheels", Text(_wheels(seen.decision, watched.emulated)))
         if seen.decision.collided:
             rows.add_row("", Text("COLLISION", style="bold red"))
-    if watched.trouble:
-        rows.add_row("trouble", Text(_clean(watched.trouble), style="red"))
-    title = f"macor-hil monitor · {_clean(watched.robot)}"
+    if trouble := watched.not_taken.words():
+        rows.add_row("trouble", Text(trouble, style="red"))
+    title = f"macor-hil monitor · {printable(watched.robot)}"
     return Panel(rows, title=Text(title), border_style="green" if seen.alive else "dim")
 
 
@@ -73,16 +74,17 @@ def bar(share: float, width: int = _BAR_WIDTH) -> str:
     return ("█" * full + (_EIGHTHS[rest] if rest else "")).ljust(width)
 
 
-def _status(watched: Controlled) -> Text:
+def _status(watched: Controlled, client: str) -> Text:
     if not watched.alive:
-        return Text(f"waiting for a controller...{_farewell(watched)}", style="yellow")
+        what = f"none; {client}" if client else "waiting for a controller..."
+        return Text(f"{what}{_farewell(watched)}", style="yellow")
     if watched.state is None:
         return Text("there, nothing said yet", style="yellow")
     state = watched.state
     text = Text(state.phase.value, style=_PHASE_STYLES[state.phase])
     text.append(f"  {state.driven} of {state.limit} commands", style="default not bold")
     if state.reason:
-        text.append(f"  {_clean(state.reason)}", style="default not bold")
+        text.append(f"  {printable(state.reason)}", style="default not bold")
     return text
 
 
@@ -92,20 +94,20 @@ def _farewell(watched: Controlled) -> str:
     if not watched.met or state is None:
         return ""
     if state.phase in (Phase.STOPPED, Phase.FAILED):
-        return _clean(f"  the last one {state.phase.value}: {state.reason}")
+        return printable(f"  the last one {state.phase.value}: {state.reason}")
     return "  the last one vanished " + state.phase.value
 
 
 def _add_state(rows: Table, state: State) -> None:
-    rows.add_row("drives", Text(_clean(f"{state.port}, camera {state.camera}")))
-    rows.add_row("by", Text(_clean(f"{state.planner} planner, map {state.map}")))
+    rows.add_row("drives", Text(printable(f"{state.port}, camera {state.camera}")))
+    rows.add_row("by", Text(printable(f"{state.planner} planner, map {state.map}")))
 
 
 def _stream(arrivals: Arrivals, now: float, extra: str) -> Text:
     age = arrivals.age(now)
     if age is None:
         return Text("none yet", style="dim")
-    rate = arrivals.rate
+    rate = arrivals.rate(now)
     often = "  -  /s" if rate is None else f"{rate:5.1f}/s"
     return Text(f"{often}  {extra}  last one {age:.1f} s ago")
 
@@ -140,7 +142,7 @@ def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) 
     _add_alternatives(rows, decision)
     ahead = "  ".join(f"{step.command}→{step.node}" for step in decision.sequence_ahead)
     length = len(decision.sequence_ahead)
-    rows.add_row("best sequence", Text(_clean(f"{length}: {ahead}" if length else "none")))
+    rows.add_row("best sequence", Text(printable(f"{length}: {ahead}" if length else "none")))
     total = Text(f"last {decision.reinforcement:.2f}  total {decision.total_reinforcement:.2f}  ")
     total.append(spark(reinforcements, 40), style="green")
     rows.add_row("reinforcement", total)
@@ -158,7 +160,7 @@ def _add_alternatives(rows: Table, decision: Decision) -> None:
     for alternative in shown:
         driven = alternative.command == decision.command
         rows.add_row(
-            Text(_clean(alternative.command), style="bold" if driven else "default"),
+            Text(printable(alternative.command), style="bold" if driven else "default"),
             _alternative(alternative, top, driven=driven),
         )
 
@@ -197,8 +199,3 @@ def _proximity(reading: int) -> str:
 def _level(share: float) -> str:
     index = round(min(max(share, 0.0), 1.0) * (len(_LEVELS) - 1))
     return _LEVELS[index]
-
-
-def _clean(text: str) -> str:
-    """Text from elsewhere, without what could steer the terminal."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -5,13 +5,11 @@ from dataclasses import dataclass, field
 from math import hypot
 from typing import Final
 
-from pydantic import ValidationError
-
-from macor_hil.telemetry.feed import CAMERA, Arrival, Event, Presence
+from macor_hil.telemetry.feed import CAMERA, Arrival, Heard, Loss, NotTaken, Presence, Refusal
 from macor_hil.telemetry.keys import FRAME, PAYLOADS
 from macor_hil.telemetry.schemas import Decision, Learned, Link, State
 from protocol.keys import EMULATOR
-from protocol.side_channel import Outline, Payload, Pose, Truth, Wire, WireEntry
+from protocol.side_channel import Outline, Payload, PayloadError, Pose, Truth, Wire, WireEntry
 
 _RATE_OVER: Final = 12
 """Samples that a rate is taken over."""
@@ -24,6 +22,21 @@ _WIRE_HISTORY: Final = 200
 
 _STEP: Final = 0.002
 """Metres that the robot moves before its path gets another point."""
+
+_PATH: Final = 5_000
+"""Points of its path that are kept: ten metres and more."""
+
+_STOPPED: Final = 2.0
+"""Seconds, and three times the usual pause, after which a stream has stopped."""
+
+_DRIVES: Final = ("C", "D", "P")
+"""Letters of requests that turn the wheels."""
+
+_TURNS: Final = 0.004
+"""m/s from which on a wheel turns."""
+
+_LATELY: Final = 5.0
+"""Seconds for which a request tells that a program is on the line."""
 
 _JUMP: Final = 0.05
 """Metres between two truths beyond which the robot was put there."""
@@ -41,16 +54,16 @@ class Arrivals:
         """A sample has arrived."""
         self._times.append(now)
 
-    @property
-    def rate(self) -> float | None:
-        """Samples a second; None before there are two at different times."""
+    def rate(self, now: float) -> float | None:
+        """Return samples a second, 0 once they have stopped; None before there are two."""
         if len(self._times) < 2 or self._times[-1] <= self._times[0]:
             return None
-        return (len(self._times) - 1) / (self._times[-1] - self._times[0])
+        pause = (self._times[-1] - self._times[0]) / (len(self._times) - 1)
+        return 0.0 if now - self._times[-1] > max(_STOPPED, 3 * pause) else 1 / pause
 
     def age(self, now: float) -> float | None:
-        """Seconds since the last one; None without one."""
-        return now - self._times[-1] if self._times else None
+        """Return seconds since the last one; None without one."""
+        return max(0.0, now - self._times[-1]) if self._times else None
 
 
 @dataclass
@@ -65,15 +78,19 @@ class Emulated:
         truths: times of its clock and poses, of late.
         wire: the latest entries of its serial line.
         wire_bytes: bytes that have passed since watching began.
+        asked, driven: when a request came on its line, and one that drives, on the clock of the
+            arrivals; None: never.
     """
 
     alive: bool = False
     outline: Outline | None = None
     truth: Truth | None = None
-    path: list[Pose] = field(default_factory=list)
+    path: deque[Pose] = field(default_factory=lambda: deque(maxlen=_PATH))
     truths: deque[tuple[float, Pose]] = field(default_factory=lambda: deque(maxlen=600))
     wire: deque[WireEntry] = field(default_factory=lambda: deque(maxlen=_WIRE_HISTORY))
     wire_bytes: int = 0
+    asked: float | None = None
+    driven: float | None = None
 
     def place(self, truth: Truth) -> None:
         """The robot is somewhere."""
@@ -92,12 +109,25 @@ class Emulated:
         when, pose = min(self.truths, key=lambda known: abs(known[0] - time))
         return pose if abs(when - time) < 0.5 else None
 
-    def pass_by(self, wire: Wire) -> None:
+    def pass_by(self, wire: Wire, now: float | None) -> None:
         """Something has passed on the line."""
         self.wire.extend(wire.entries)
-        self.wire_bytes += sum(
-            len(entry.text) for entry in wire.entries if entry.what in ("request", "reply")
-        )
+        for entry in wire.entries:
+            if entry.what in ("request", "reply"):
+                self.wire_bytes += len(entry.text)
+            if entry.what == "request":
+                self.asked = now
+                if any(line.startswith(_DRIVES) for line in entry.text.splitlines()):
+                    self.driven = now
+
+    def client(self, now: float) -> str:
+        """Return what a program does that is no controller of ours; empty without one."""
+        turns = self.truth is not None and any(abs(v) > _TURNS for v in self.truth.speed)
+        if not self.alive:
+            return ""
+        if turns or _lately(self.driven, now):
+            return "a program that tells nothing of itself drives it"
+        return "a program talks to it" if _lately(self.asked, now) else ""
 
 
 @dataclass
@@ -145,7 +175,7 @@ class Watched:
         controlled, emulated: what is known of either side, the one that is there or was last.
         frame: the latest picture, JPEG or PNG; the emulator's where no controller tells one.
         frames: arrivals of pictures.
-        trouble: what could not be read, empty when all could.
+        not_taken: samples that were refused or lost.
         version: counts what came.
     """
 
@@ -154,20 +184,23 @@ class Watched:
     emulated: Emulated = field(default_factory=Emulated)
     frame: bytes = b""
     frames: Arrivals = field(default_factory=Arrivals)
-    trouble: str = ""
+    not_taken: NotTaken = field(default_factory=NotTaken)
     version: int = 0
 
-    def take(self, event: Event) -> None:
+    def take(self, event: Heard) -> None:
         """Take in an event; what cannot be read is trouble, and no more."""
         self.version += 1
-        if isinstance(event, Presence):
-            self._meet(event.side, alive=event.alive)
-            return
-        try:
-            self._note(event)
-        except ValidationError as error:
-            reason = error.errors()[0]["msg"]
-            self.trouble = f"{event.leaf} of another version of macor-hil? {reason}"
+        match event:
+            case Presence():
+                self._meet(event.side, alive=event.alive)
+            case Loss() | Refusal():
+                self.not_taken.count(event)
+            case Arrival():
+                try:
+                    self._note(event)
+                except PayloadError as error:
+                    reason = f"is it of another version of macor-hil? {error}"
+                    self.not_taken.count(Refusal(event.leaf, reason, event.received))
 
     def see(self, picture: bytes, now: float) -> None:
         """A picture has arrived."""
@@ -181,7 +214,7 @@ class Watched:
             self.emulated.alive = alive
         else:
             if alive:
-                self.controlled, self.trouble = Controlled(met=True), ""
+                self.controlled, self.not_taken.last = Controlled(met=True), ""
             self.controlled.alive = alive
 
     def _note(self, arrival: Arrival) -> None:
@@ -189,7 +222,7 @@ class Watched:
         if arrival.leaf == FRAME or (arrival.leaf == CAMERA and not self.controlled.alive):
             self.see(arrival.data, now)
         elif kind := PAYLOADS.get((arrival.side, arrival.leaf)):
-            self._read(kind.model_validate_json(arrival.data), now if arrival.live else None)
+            self._read(kind.parse(arrival.data), now if arrival.live else None)
 
     def _read(self, payload: Payload, now: float | None) -> None:
         match payload:
@@ -206,7 +239,11 @@ class Watched:
             case Outline():
                 self.emulated.outline = payload
             case Wire():
-                self.emulated.pass_by(payload)
+                self.emulated.pass_by(payload, now)
+
+
+def _lately(when: float | None, now: float) -> bool:
+    return when is not None and now - when < _LATELY
 
 
 def _distance(a: Pose, b: Pose) -> float:

@@ -39,6 +39,11 @@ class Watcher:
         """Whether a controller is there and has told its latest state and decision."""
         return self.watched.controlled.alive and self.feed.introduced(CONTROLLER)
 
+    @property
+    def now(self) -> float:
+        """The time that ages count to, in seconds of the clock of the arrivals."""
+        return self.feed.clock.seconds()
+
     def follow(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
         """Take in what comes for a time, or until something is so."""
         end = time.monotonic() + seconds
@@ -48,7 +53,8 @@ class Watcher:
                 return
             self.watched.take(event)
 
-    def drain(self) -> None:
-        """Take in what has come, and wait for nothing."""
-        while event := self.feed.get(0.0):
+    def drain(self, seconds: float) -> None:
+        """Take in what has come, for so long at most, and wait for nothing."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and (event := self.feed.get(0.0)):
             self.watched.take(event)

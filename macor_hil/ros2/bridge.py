@@ -6,25 +6,33 @@ threads of its own; they only put what came on a queue.
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Final, Self
 
 import zenoh
-from pydantic import ValidationError
 
-from macor_hil.errors import TelemetryError
+from macor_hil.cameras.decoding import check_picture
+from macor_hil.errors import TelemetryError, WrongPictureError
 from macor_hil.ros2 import messages
 from macor_hil.ros2.wire import LAST_DOMAIN, Node, Topic, attachment, gid, namespace_of
+from macor_hil.telemetry.feed import Loss, NotTaken, Refusal
+from macor_hil.telemetry.inbox import Inbox
 from macor_hil.telemetry.keys import DECISION, FRAME
+from macor_hil.telemetry.samples import check_sample, size_of
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import check_robot_name, open_session
-from protocol.side_channel import controller_key
+from protocol.side_channel import MOST_JSON, MOST_PICTURE, PayloadError, controller_key
 
 NODE: Final = "macor"
 """Name of the ROS node."""
+
+_LOOK: Final = 0.2
+"""Seconds to wait for a sample."""
+
+_LAST_SECOND: Final = 2**31
+"""ROS counts seconds in 32 bits."""
 
 _log = logging.getLogger(__name__)
 
@@ -67,7 +75,9 @@ class Bridge:
             raise TelemetryError(f"{domain} is no ROS domain; there are 0 to {LAST_DOMAIN}")
         namespace = namespace_of(robot)
         node = Node(domain, str(session.zid()), namespace, NODE)
-        self._samples: SimpleQueue[zenoh.Sample] = SimpleQueue()
+        self._inbox: Inbox[tuple[str, zenoh.Sample]] = Inbox()
+        self._not_taken = NotTaken()
+        self._said = 0
         self._last: Decision | None = None
         with ExitStack() as stack:
             stack.enter_context(session.liveliness().declare_token(node.token()))
@@ -78,7 +88,7 @@ class Bridge:
             )
             for leaf in (FRAME, DECISION):
                 key = controller_key(robot, leaf)
-                stack.enter_context(session.declare_subscriber(key, self._samples.put))
+                stack.enter_context(session.declare_subscriber(key, self._taking(key)))
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -87,23 +97,41 @@ class Bridge:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def forward(self) -> None:
-        """Wait for a sample and forward it; one that cannot be read is logged and dropped."""
-        sample = self._samples.get()
-        when = _nanoseconds(sample.timestamp)
-        if str(sample.key_expr).endswith(f"/{FRAME}"):
-            self._image.put(messages.image(sample.payload.to_bytes(), when))
+    def forward(self, timeout: float = _LOOK) -> None:
+        """Wait for a sample and forward it; one that cannot be read is counted and logged."""
+        if lost := self._inbox.take_losses():
+            self._leave_out(Loss(lost, time.time_ns()))
+        came = self._inbox.get(timeout)
+        if came is None:
             return
+        key, sample = came
         try:
-            decision = Decision.model_validate_json(sample.payload.to_bytes())
-            command = messages.command(decision, when)
-        except (ValidationError, TelemetryError) as error:
-            what = str(error).partition("\n")[0]
-            _log.warning("dropped a decision; is it of another version of macor-hil? %s", what)
-            return
-        self._command.put(command)
+            if key.endswith(f"/{FRAME}"):
+                check_sample(sample, key, MOST_PICTURE)
+                picture = sample.payload.to_bytes()
+                check_picture(picture, "it is no picture")
+                self._image.put(messages.image(picture, _stamped(sample)))
+            else:
+                check_sample(sample, key, MOST_JSON)
+                self._tell(Decision.parse(sample.payload.to_bytes()), _stamped(sample))
+        except (PayloadError, TelemetryError, WrongPictureError) as error:
+            self._leave_out(Refusal(key.rpartition("/")[2], str(error), time.time_ns()))
+
+    def _taking(self, key: str) -> Callable[[zenoh.Sample], None]:
+        return lambda sample: self._inbox.put((key, sample), size_of(sample))
+
+    def _tell(self, decision: Decision, when: int) -> None:
+        self._command.put(messages.command(decision, when))
         self._odometry.put(messages.odometry(decision, self._last, when))
         self._last = decision
+
+    def _leave_out(self, what: Refusal | Loss) -> None:
+        """Count what is not forwarded, and say so when the count has doubled."""
+        self._not_taken.count(what)
+        count = self._not_taken.refused + self._not_taken.lost
+        if count >= 2 * self._said:
+            self._said = count
+            _log.warning("not forwarded: %s", self._not_taken.words())
 
 
 class _RosPublisher:
@@ -127,6 +155,9 @@ class _RosPublisher:
         self._publisher.put(message, attachment=mark)
 
 
-def _nanoseconds(timestamp: zenoh.Timestamp | None) -> int:
-    """Wall clock of a sample, nanoseconds since 1970; now, if it has none."""
-    return time.time_ns() if timestamp is None else timestamp.get_time_as_ntp64().as_nanos()
+def _stamped(sample: zenoh.Sample) -> int:
+    """Return the wall clock of a sample, nanoseconds since 1970; now, if ROS could not hold it."""
+    if sample.timestamp is None:
+        return time.time_ns()
+    when: int = sample.timestamp.get_time_as_ntp64().as_nanos()
+    return when if when < _LAST_SECOND * 1_000_000_000 else time.time_ns()

@@ -17,12 +17,16 @@ from macor_hil.drive import COMMANDS, DriveSettings
 from macor_hil.errors import TelemetryError
 from macor_hil.ros2.wire import Topic
 from macor_hil.telemetry.schemas import Decision
+from protocol.text import printable
 
 ODOMETRY_FRAME: Final = "odom"
 BODY_FRAME: Final = "base_link"
 CAMERA_FRAME: Final = "camera"
 
 _SECOND: Final = 1_000_000_000
+_SHORTEST: Final = 0.001
+"""Seconds that a command takes at least."""
+
 _UNKNOWN: Final = np.zeros(36)
 """Covariance: all zero says that nobody knows, as the ROS message definitions have it."""
 
@@ -75,7 +79,7 @@ def command(decision: Decision, time: int, drive: DriveSettings | None = None) -
     settings = drive or DriveSettings()
     arc = next((each for each in COMMANDS if each.name == decision.command), None)
     if arc is None:
-        raise TelemetryError(f"there is no command {decision.command!r}")
+        raise TelemetryError(f"there is no command {printable(decision.command)!r}")
     longer = arc.way + abs(arc.turn) * settings.wheels.base / 2
     seconds = longer / (settings.speed * settings.wheels.left / 0.010)
     twist = _twist(arc.way / seconds, arc.turn / seconds)
@@ -84,10 +88,12 @@ def command(decision: Decision, time: int, drive: DriveSettings | None = None) -
 
 def _mean_speed(decision: Decision, before: Decision | None) -> tuple[float, float]:
     """Forward m/s and rad/s between two decisions; zero where there are no two of one run."""
-    if before is None or decision.sequence <= before.sequence or decision.time <= before.time:
+    if before is None or decision.sequence <= before.sequence:
         return 0.0, 0.0
     pose, last = decision.odometry.pose, before.odometry.pose
     seconds = decision.time - before.time
+    if seconds < _SHORTEST:
+        return 0.0, 0.0
     turn = pose.heading - last.heading
     middle = last.heading + turn / 2
     way = (pose.x - last.x) * cos(middle) + (pose.y - last.y) * sin(middle)

@@ -26,6 +26,7 @@ from protocol.side_channel import (
     Reset,
     Solid,
     Stamp,
+    Stop,
     Truth,
     WheelDrift,
     Wire,
@@ -38,6 +39,7 @@ _OTHER: Final = [Ahead(node=0, command="left")]
 _ALL: Final[tuple[Payload, ...]] = (
     Stamp(sequence=7, time=12.5),
     CameraQuery(view="panorama", encoding="jpeg"),
+    Stop(stop=True),
     Reset(pose=Pose(x=0.1, y=0.2, heading=1.57), seed=3),
     Truth(
         time=12.5,

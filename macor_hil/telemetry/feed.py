@@ -1,23 +1,26 @@
 """Everything that is told of a robot, as one stream of events; for monitors and recorders.
 
-Zenoh calls back in threads of its own; they only put what came on a queue. Everything else
-happens in the thread that takes the events.
+Zenoh calls back in threads of its own; they only put what came into an inbox, which is bounded.
+Everything else happens in the thread that takes the events.
 """
 
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
+from functools import partial
 from typing import Final, Self
 
 import zenoh
-from pydantic import ValidationError
 
-from macor_hil.telemetry.keys import ALIVE, KEYS
+from macor_hil.telemetry.inbox import Inbox
+from macor_hil.telemetry.keys import ALIVE, KEYS, PAYLOADS
+from macor_hil.telemetry.samples import check_sample, size_of, stamp_of
 from macor_hil.telemetry.session import check_robot_name
+from macor_hil.telemetry.steady_clock import SteadyClock
 from protocol.keys import CONTROLLER, EMULATOR
-from protocol.side_channel import Stamp
+from protocol.side_channel import MOST_JSON, MOST_PICTURE, PayloadError, Stamp
+from protocol.text import printable
 
 CAMERA: Final = "camera"
 """The emulator's own picture stream."""
@@ -49,8 +52,8 @@ class Arrival:
         side, leaf: first and last part of its key.
         data: its payload.
         encoding: of the payload.
-        stamp: its number and time; None if it has none that can be read.
-        received: when, on the wall clock of this machine, in ns.
+        stamp: its number and time; None if it has none.
+        received: when, on the wall clock of this machine, in ns; see `SteadyClock`.
         live: whether it was published now; otherwise it answers what was asked for.
     """
 
@@ -63,7 +66,57 @@ class Arrival:
     live: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A sample came that is none of a robot's: of which leaf, why not, and when (ns)."""
+
+    leaf: str
+    reason: str
+    received: int
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """So many samples came faster than they were taken, and were left out, until a time (ns)."""
+
+    count: int
+    received: int
+
+
+@dataclass
+class NotTaken:
+    """Counts samples that were not taken, for those who are to know.
+
+    Attributes:
+        refused: samples that were none of a robot's, or could not be read.
+        lost: samples that came faster than they were taken.
+        last: what was refused last, and why; empty when nothing was.
+    """
+
+    refused: int = 0
+    lost: int = 0
+    last: str = ""
+
+    def count(self, what: Refusal | Loss) -> None:
+        """Count a sample that was refused, or some that were lost."""
+        if isinstance(what, Loss):
+            self.lost += what.count
+        else:
+            self.refused += 1
+            self.last = printable(f"the last one of {what.leaf}: {what.reason}", 300)
+
+    def words(self) -> str:
+        """Return the counts and the last reason; empty when all was taken."""
+        counts = (self.refused, "refused"), (self.lost, "lost, they came too fast")
+        parts = [f"{count} {what}" for count, what in counts if count]
+        return "; ".join(filter(None, [", ".join(parts), self.last]))
+
+
 Event = Presence | Arrival
+"""What is known of a robot; recordings hold nothing else."""
+
+Heard = Event | Refusal | Loss
+"""What a feed gives."""
 
 
 class Feed:
@@ -75,27 +128,32 @@ class Feed:
         camera: subscribe to the emulator's own picture stream, too, while there is no controller
             that tells what it sees. It costs the emulator a picture ten times a second.
 
+    Attributes:
+        clock: of the times that events carry.
+
     Raises:
         TelemetryError: the name cannot be part of a key.
     """
 
     def __init__(self, session: zenoh.Session, robot: str, *, camera: bool = False) -> None:
         check_robot_name(robot)
+        self.clock = SteadyClock()
         self._session = session
         self._robot = robot
-        self._queue: SimpleQueue[Callable[[], Event | None]] = SimpleQueue()
+        self._inbox: Inbox[Callable[[], Heard | None]] = Inbox()
         self._newest: dict[str, zenoh.Timestamp] = {}
-        self._unanswered: dict[str, int] = {}
+        self._answered: dict[str, tuple[zenoh.Timestamp, int]] = {}
+        self._unanswered: dict[str, set[str]] = {}
         self._alive: set[str] = set()
         self._camera: ExitStack | None = ExitStack() if camera else None
         self._camera_on = False
         with ExitStack() as stack:
             for key in KEYS:
                 if key.published and key.leaf != CAMERA:
-                    stack.enter_context(self._subscriber(f"{key.side}/{robot}/{key.leaf}"))
+                    stack.enter_context(self._subscriber(key.side, key.leaf))
             for side in _QUERIED:
                 token = session.liveliness().declare_subscriber(
-                    f"{side}/{robot}/{ALIVE}", self._enqueue(self._meet), history=True
+                    f"{side}/{robot}/{ALIVE}", self._meeting(side), history=True
                 )
                 stack.enter_context(token)
             if self._camera:
@@ -108,20 +166,22 @@ class Feed:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def get(self, timeout: float) -> Event | None:
-        """The next event; None when there is none for so many seconds."""
+    def get(self, timeout: float) -> Heard | None:
+        """Return the next event; None when there is none for so many seconds."""
         end = time.monotonic() + timeout
         while True:
-            try:
-                event = self._queue.get(timeout=max(0.0, end - time.monotonic()))()
-            except Empty:
+            if lost := self._inbox.take_losses():
+                return Loss(lost, self.clock())
+            take = self._inbox.get(max(0.0, end - time.monotonic()))
+            if take is None:
                 return None
+            event = take()
             if event is not None:
                 return event
 
     def introduced(self, side: str) -> bool:
-        """Whether a side has been there and has answered what it was asked for."""
-        return self._unanswered.get(side) == 0
+        """Return whether a side has been there and has answered what it was asked for."""
+        return self._unanswered.get(side) == set()
 
     def _choose_camera(self) -> None:
         wanted = self._alive == {EMULATOR}
@@ -129,73 +189,85 @@ class Feed:
             return
         self._camera_on = wanted
         if wanted:
-            self._camera.enter_context(self._subscriber(f"{EMULATOR}/{self._robot}/{CAMERA}"))
+            self._camera.enter_context(self._subscriber(EMULATOR, CAMERA))
         else:
             self._camera.close()
 
-    def _subscriber(self, key: str) -> "zenoh.Subscriber[None]":
-        return self._session.declare_subscriber(key, self._enqueue(self._take))
+    def _key(self, side: str, leaf: str) -> str:
+        return f"{side}/{self._robot}/{leaf}"
 
-    def _enqueue(
-        self, take: Callable[[zenoh.Sample, int], Event | None]
-    ) -> Callable[[zenoh.Sample], None]:
+    def _subscriber(self, side: str, leaf: str) -> "zenoh.Subscriber[None]":
         def enqueue(sample: zenoh.Sample) -> None:
-            received = time.time_ns()
-            self._queue.put(lambda: take(sample, received))
+            received = self.clock()
+            self._inbox.put(partial(self._take, side, leaf, sample, received), size_of(sample))
+
+        return self._session.declare_subscriber(self._key(side, leaf), enqueue)
+
+    def _meeting(self, side: str) -> Callable[[zenoh.Sample], None]:
+        def enqueue(token: zenoh.Sample) -> None:
+            received = self.clock()
+            self._inbox.notify(partial(self._meet, side, token, received))
 
         return enqueue
 
-    def _meet(self, sample: zenoh.Sample, received: int) -> Event:
-        side = str(sample.key_expr).partition("/")[0]
-        if sample.kind == zenoh.SampleKind.DELETE:
+    def _meet(self, side: str, token: zenoh.Sample, received: int) -> Heard:
+        try:
+            check_sample(token, self._key(side, ALIVE), 0)
+        except PayloadError as error:
+            return Refusal(ALIVE, str(error), received)
+        if token.kind == zenoh.SampleKind.DELETE:
             self._alive.discard(side)
             self._choose_camera()
             return Presence(side, False, received)
         self._alive.add(side)
         self._choose_camera()
-        prefix = f"{side}/{self._robot}/"
-        self._newest = {k: v for k, v in self._newest.items() if not k.startswith(prefix)}
-        self._unanswered[side] = len(_QUERIED[side])
+        unanswered = self._unanswered[side] = set(_QUERIED[side])
         for leaf in _QUERIED[side]:
-            self._session.get(prefix + leaf, self._answering(side), timeout=_QUERY_PATIENCE)
+            self._newest.pop(self._key(side, leaf), None)
+            self._answered.pop(self._key(side, leaf), None)
+            self._ask(side, leaf, unanswered)
         return Presence(side, True, received)
 
-    def _answering(self, side: str) -> Callable[[zenoh.Reply], None]:
+    def _ask(self, side: str, leaf: str, unanswered: set[str]) -> None:
         def enqueue(reply: zenoh.Reply) -> None:
-            received = time.time_ns()
-            self._queue.put(lambda: self._answer(side, reply, received))
+            received, sample = self.clock(), reply.ok
+            if sample is not None:  # otherwise there is nothing to tell yet
+                take = partial(self._take, side, leaf, sample, received, live=False)
+                self._inbox.put(take, size_of(sample))
 
-        return enqueue
+        def end() -> None:
+            self._inbox.notify(lambda: unanswered.discard(leaf))
 
-    def _answer(self, side: str, reply: zenoh.Reply, received: int) -> Event | None:
-        self._unanswered[side] -= 1
-        if reply.ok is None:  # there is nothing to tell yet
+        answers = zenoh.handlers.Callback(enqueue, end)
+        self._session.get(self._key(side, leaf), answers, timeout=_QUERY_PATIENCE)
+
+    def _take(
+        self, side: str, leaf: str, sample: zenoh.Sample, received: int, *, live: bool = True
+    ) -> Heard | None:
+        """Return what came, unless it is known already or older than what is known."""
+        key = self._key(side, leaf)
+        try:
+            check_sample(sample, key, MOST_JSON if (side, leaf) in PAYLOADS else MOST_PICTURE)
+            stamp = stamp_of(sample)
+        except PayloadError as error:
+            return Refusal(leaf, str(error), received)
+        if sample.timestamp is not None and self._is_known(key, sample.timestamp, received, live):
             return None
-        return self._take(reply.ok, received, live=False)
+        data, encoding = sample.payload.to_bytes(), str(sample.encoding)
+        return Arrival(side, leaf, data, encoding, stamp, received, live)
 
-    def _take(self, sample: zenoh.Sample, received: int, live: bool = True) -> Event | None:
-        """A sample, unless it is known already or older than what is known."""
-        key, timestamp = str(sample.key_expr), sample.timestamp
-        if timestamp is not None:
-            if key in self._newest and self._newest[key] >= timestamp:
-                return None
-            self._newest[key] = timestamp
-        side, _, leaf = key.split("/")
-        return Arrival(
-            side,
-            leaf,
-            sample.payload.to_bytes(),
-            str(sample.encoding),
-            _stamp(sample),
-            received,
-            live,
-        )
+    def _is_known(self, key: str, timestamp: zenoh.Timestamp, received: int, live: bool) -> bool:
+        """Return whether a sample is no news, and remember it.
 
-
-def _stamp(sample: zenoh.Sample) -> Stamp | None:
-    if sample.attachment is None:
-        return None
-    try:
-        return Stamp.model_validate_json(sample.attachment.to_bytes())
-    except ValidationError:
-        return None
+        An answer may overtake what was published before it, and may come after what was published
+        since. Later on, time stamps are nobody's business: one of the far future, from whoever it
+        is, must not make all that follow it old.
+        """
+        newest = self._newest.get(key)
+        if not live:
+            self._answered[key] = timestamp, received
+            return newest is not None and newest >= timestamp
+        answer, when = self._answered.get(key, (timestamp, 0))
+        self._newest[key] = timestamp
+        overtaken = received - when < _QUERY_PATIENCE * 1e9 and timestamp <= answer
+        return overtaken or newest == timestamp

@@ -13,12 +13,12 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.message import Message
-from pydantic import ValidationError
 
 from macor_hil.telemetry.feed import Arrival, Event
 from macor_hil.telemetry.schemas import Decision
 from protocol.commands import SENSOR_BEARINGS
-from protocol.side_channel import Outline, Pose, Truth, Wire
+from protocol.side_channel import Outline, PayloadError, Pose, Truth, Wire
+from protocol.text import printable
 from protocol.units import BODY_RADIUS, PROXIMITY_FULL
 
 _ARENA: Final = "arena"
@@ -36,20 +36,20 @@ def drawings(event: Event) -> Iterator[tuple[str, Message]]:
     try:
         match event.leaf:
             case "truth":
-                truth = Truth.model_validate_json(event.data)
+                truth = Truth.parse(event.data)
                 yield "pose", _pose(_ARENA, truth.pose, event.received)
                 yield "transform", _transform(_ARENA, truth.pose, event.received)
             case "arena":
-                outline = Outline.model_validate_json(event.data)
+                outline = Outline.parse(event.data)
                 yield "walls", _walls(outline, event.received)
             case "decision":
-                decision = Decision.model_validate_json(event.data)
+                decision = Decision.parse(event.data)
                 yield "odometry", _pose(_ODOMETRY, decision.odometry.pose, event.received)
                 yield "infrared", _infrared(decision.infrared, event.received)
             case "wire":
-                for message in _log(Wire.model_validate_json(event.data), event.received):
+                for message in _log(Wire.parse(event.data), event.received):
                     yield "wire", message
-    except ValidationError:
+    except PayloadError:
         return  # of another version: kept as it came, not drawn
 
 
@@ -112,7 +112,7 @@ def _log(wire: Wire, received: int) -> Iterator[Log]:
         message = Log(
             level=_LOG_LEVELS.get(entry.what, Log.INFO),
             name=entry.what,
-            message=entry.text.encode("unicode_escape").decode(),
+            message=printable(entry.text),
         )
         message.timestamp.FromNanoseconds(received)
         yield message

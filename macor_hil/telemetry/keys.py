@@ -4,12 +4,14 @@ from typing import Final
 
 from macor_hil.telemetry.schemas import Decision, Learned, Link, State
 from protocol.keys import CONTROLLER, EMULATOR_KEYS, Key, json_key
+from protocol.side_channel import Stop
 
 FRAME: Final = "frame"
 DECISION: Final = "decision"
 MAP: Final = "map"
 STATE: Final = "state"
 LINK: Final = "link"
+STOP: Final = "stop"
 ALIVE: Final = "alive"
 
 CONTROLLER_KEYS: Final = (
@@ -52,6 +54,17 @@ CONTROLLER_KEYS: Final = (
         Link,
         "after every command",
         "what was published last",
+    ),
+    Key(
+        CONTROLLER,
+        STOP,
+        "Ends the run, where that was allowed with `--stop-key`: by a query, or by a sample.",
+        None,
+        ("text/plain",),
+        "",
+        "`stopping`",
+        Stop,
+        acts=True,
     ),
     Key(CONTROLLER, ALIVE, "Liveliness token: there while the controller runs."),
 )

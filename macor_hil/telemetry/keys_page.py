@@ -1,12 +1,14 @@
 """The page `docs/keys.md`: every key, its payload and an example, written from the tables."""
 
+import re
 from collections.abc import Iterator
 from typing import Any, Final
 
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.keys import KEYS
 from protocol.keys import Key
-from protocol.side_channel import Payload, Stamp
+from protocol.schema import schema_of
+from protocol.side_channel import MOST_JSON, MOST_PICTURE, MOST_STAMP, Payload, Stamp
 
 _HEAD: Final = """# Keys and payloads
 
@@ -21,12 +23,18 @@ Every sample has an **encoding** (the last column; for JSON with the name of its
 
 _ACTS: Final = "; has effects: only with a payload, and only on exactly this key"
 
-_QUERIES: Final = """Samples are dropped when a subscriber is too slow, and the sequence numbers
+_QUERIES: Final = f"""Whatever comes over Zenoh is checked before it is used: the key is one of
+these, spelt out (no `*`); a picture has {MOST_PICTURE:,} bytes at most, a JSON text
+{MOST_JSON:,}, a stamp {MOST_STAMP:,}; no field is unknown, and every number, text and list keeps
+to its **bounds**. What does not is not taken; `monitor`, `dashboard`, `record` and `ros2` count it
+and say why.
+
+Samples are dropped when a subscriber is too slow, and the sequence numbers
 show it. A query gets what the table says, so that whoever comes late knows the latest.
 
 A query may look at many keys at once, such as `khepera/**`: it changes nothing. What has effects
-answers only to queries on exactly its key, and only to those with a payload, which may be `{}`.
-A query that cannot be answered gets an error reply of one sentence.
+answers only to queries on exactly its key, and only to those with a payload that says so; for a
+reset `{{}}` will do. A query that cannot be answered gets an error reply of one sentence.
 
 A query with the parameter `describe`, such as `macor/khepera/decision?describe`, gets the JSON
 Schema of the key's payload (`application/schema+json`); `macor-hil keys decision` prints it, too.
@@ -75,43 +83,54 @@ def _keys_of(payload: type[Payload]) -> str:
 
 
 def _payload(payload: type[Payload]) -> list[str]:
-    schema = payload.model_json_schema()
-    lines = ["| field | type | meaning |", "|---|---|---|"]
-    for name, kind, meaning in _fields(schema, schema.get("$defs", {})):
-        lines.append(f"| `{name}` | {kind} | {meaning} |")
-    example = EXAMPLES[payload].model_dump_json(exclude_none=payload.__name__ == "Reset")
+    lines = ["| field | type | bounds | meaning |", "|---|---|---|---|"]
+    for name, field in _fields(schema_of(payload)):
+        meaning = field.get("description", "")
+        lines.append(f"| `{name}` | {_kind(field)} | {_bounds(field)} | {meaning} |")
+    example = EXAMPLES[payload].model_dump_json(exclude_none=True)
     return ["\n".join(lines), "", f"```json\n{_wrapped(example)}\n```", ""]
 
 
-def _fields(
-    schema: dict[str, Any], models: dict[str, Any], prefix: str = ""
-) -> Iterator[tuple[str, str, str]]:
-    for name, field in schema.get("properties", {}).items():
-        kind, inner, suffix = _kind(field, models)
-        yield f"{prefix}{name}", kind, field.get("description", "")
-        if inner:
-            yield from _fields(inner, models, f"{prefix}{name}{suffix}.")
+def _fields(schema: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the names and schemas of a model's fields, and of the models in them."""
+    for name, field in schema["properties"].items():
+        yield f"{prefix}{name}", field
+        suffix = ""
+        while "items" in field:
+            field, suffix = field["items"], f"{suffix}[]"
+        if "properties" in field:
+            yield from _fields(field, f"{prefix}{name}{suffix}.")
 
 
-def _kind(field: dict[str, Any], models: dict[str, Any]) -> tuple[str, dict[str, Any] | None, str]:
-    """What a field is, the model in it if there is one, and how its place is written."""
-    if "$ref" in field:
-        model = models[field["$ref"].rpartition("/")[2]]
-        if "enum" in model:
-            return " or ".join(f"`{value}`" for value in model["enum"]), None, ""
-        return "object", model, ""
-    if "anyOf" in field:
-        kinds = [_kind(each, models) for each in field["anyOf"]]
-        inner = next((kind[1] for kind in kinds if kind[1]), None)
-        return " or ".join(kind[0] for kind in kinds), inner, ""
-    if field.get("type") == "array":
-        items = field.get("items")
-        if items is None:
-            numbers = field["prefixItems"]
-            return f"{len(numbers)} x {numbers[0]['type']}", None, ""
-        kind, inner, _ = _kind(items, models)
-        return f"list of {kind}", inner, "[]"
-    return str(field.get("type", "any")), None, ""
+def _kind(field: dict[str, Any]) -> str:
+    if "enum" in field:
+        return " or ".join(f"`{value}`" for value in field["enum"])
+    if field["type"] != "array":
+        return str(field["type"])
+    least, most = field.get("minItems"), field.get("maxItems")
+    count = f"{most} x" if least == most else "list of"
+    return f"{count} {_kind(field['items'])}"
+
+
+def _bounds(field: dict[str, Any]) -> str:
+    """Return what a field keeps to: lengths of lists and texts, least and greatest numbers."""
+    if "pattern" in field:
+        return f"`{field['pattern']}`".replace("|", "\\|")
+    if "maxLength" in field:
+        return f"{field['maxLength']:,} characters"
+    if "items" in field:
+        least, most = field.get("minItems", 0), field["maxItems"]
+        lengths = f"{least} to {most:,}" if least else f"{most:,} at most"
+        return "; ".join(filter(None, ["" if least == most else lengths, _bounds(field["items"])]))
+    least = field.get("minimum", field.get("exclusiveMinimum"))
+    if least is None:
+        return ""
+    above = "above " if "exclusiveMinimum" in field else ""
+    return f"{above}{_number(least)} to {_number(field['maximum'])}"
+
+
+def _number(value: float) -> str:
+    return f"{value:,}" if isinstance(value, int) else re.sub(r"e\+0*", "e", f"{value:g}")
 
 
 def _wrapped(text: str, width: int = 100) -> str:

@@ -23,6 +23,7 @@ from macor_hil.telemetry.outbox import Outbox
 from macor_hil.telemetry.schemas import Decision, Learned, Link, State
 from macor_hil.telemetry.session import check_robot_name
 from protocol.keys import CONTROLLER, DESCRIBE, SCHEMA_MEDIA_TYPE, schema_name
+from protocol.schema import schema_of
 from protocol.side_channel import Payload, Stamp, controller_key
 
 SCHEMA_ENCODING: Final = zenoh.Encoding(SCHEMA_MEDIA_TYPE)
@@ -60,6 +61,14 @@ class Publisher:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+
+    def check(self) -> None:
+        """See that what is published goes out; for who drives.
+
+        Raises:
+            TelemetryError: the thread that sends it has ended.
+        """
+        self._outbox.check()
 
     def frame(self, frame: Frame) -> None:
         """Publish a mirror image as JPEG, if anyone listens."""
@@ -125,7 +134,10 @@ class _FrameKey:
         status = cast(zenoh.MatchingStatus, self._publisher.matching_status)
         if not status.matching:
             return
-        done, data = cv2.imencode(".jpeg", frame.image)
+        try:
+            done, data = cv2.imencode(".jpeg", frame.image)
+        except cv2.error:
+            done = False
         if not done:
             raise TelemetryError(f"OpenCV cannot encode an image of shape {frame.image.shape}")
         self._publisher.put(
@@ -159,11 +171,12 @@ class _JsonKey(Generic[_P]):
     def prepared(self, payload: _P, time: float) -> Callable[[], None]:
         """What puts a payload on the key; who asks gets it from then on."""
         text = payload.model_dump_json()
-        stamp = Stamp(sequence=self._sequence, time=time).model_dump_json()
-        timestamp = self._session.new_timestamp()
-        self._sequence += 1
 
         def put() -> None:
+            # in the thread that puts: several threads prepare, and the stamps count what is put
+            stamp = Stamp(sequence=self._sequence, time=time).model_dump_json()
+            timestamp = self._session.new_timestamp()
+            self._sequence += 1
             try:
                 self._publisher.put(text, attachment=stamp, timestamp=timestamp)
             finally:
@@ -175,8 +188,8 @@ class _JsonKey(Generic[_P]):
     def _answer(self, query: zenoh.Query) -> None:
         with query:
             if DESCRIBE in query.parameters:
-                schema = self._kind.model_json_schema()
-                query.reply(self._key, json.dumps(schema), encoding=SCHEMA_ENCODING)
+                schema = json.dumps(schema_of(self._kind))
+                query.reply(self._key, schema, encoding=SCHEMA_ENCODING)
             elif self._latest is None:
                 query.reply_err(
                     f"no {self._kind.__name__.lower()} yet", encoding=zenoh.Encoding.TEXT_PLAIN

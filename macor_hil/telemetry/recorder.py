@@ -3,18 +3,27 @@
 import time
 from math import inf
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import zenoh
 
-from macor_hil.telemetry.feed import Feed
+from macor_hil.telemetry.feed import Feed, Loss, NotTaken, Refusal
 from macor_hil.telemetry.recording import Recorder
 
 _LOOK: Final = 0.2
 """Seconds after which an idle recorder looks at the clock."""
 
 
-def record(session: zenoh.Session, robot: str, path: Path, duration: float | None = None) -> int:
+class Recorded(NamedTuple):
+    """What came of a recording: samples that were written, and those that were not taken."""
+
+    samples: int
+    not_taken: NotTaken
+
+
+def record(
+    session: zenoh.Session, robot: str, path: Path, duration: float | None = None
+) -> Recorded:
     """Record a robot until Ctrl-C; it may come, go and come again.
 
     Args:
@@ -23,21 +32,21 @@ def record(session: zenoh.Session, robot: str, path: Path, duration: float | Non
         path: the file, replaced if it is there.
         duration: seconds after which to end; None: never.
 
-    Returns:
-        How many samples were recorded.
-
     Raises:
         TelemetryError: the name cannot be part of a key.
         RecordingError: the file cannot be written, or the disk is full. What was recorded before
             can be read.
     """
     end = inf if duration is None else time.monotonic() + duration
+    not_taken = NotTaken()
     with Recorder(path, robot) as recorder, Feed(session, robot, camera=True) as feed:
         try:
             while (left := end - time.monotonic()) > 0.0:
                 event = feed.get(min(left, _LOOK))
-                if event is not None:
+                if isinstance(event, Loss | Refusal):
+                    not_taken.count(event)
+                elif event is not None:
                     recorder.write(event)
         except KeyboardInterrupt:
             pass  # the way to end it
-        return recorder.samples
+        return Recorded(recorder.samples, not_taken)

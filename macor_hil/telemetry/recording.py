@@ -9,26 +9,30 @@ was written before can be read. Needs the extra 'recording'.
 """
 
 import json
+import logging
+import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Final, Self
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-from google.protobuf.message import DecodeError, Message
-from mcap.exceptions import McapError
-from mcap.records import Channel, Schema
-from mcap.records import Message as McapMessage
-from mcap.stream_reader import StreamReader
+from google.protobuf.message import DecodeError
+from google.protobuf.message import Message as Protobuf
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
 from macor_hil.errors import RecordingError
+from macor_hil.input_files import MIB, InputError, open_regular
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.foxglove import drawings
 from macor_hil.telemetry.keys import ALIVE, KEYS, PAYLOADS
+from macor_hil.telemetry.mcap_file import Damage, Message, read_messages
 from protocol.keys import schema_name
+from protocol.schema import schema_of
 from protocol.side_channel import Payload, Stamp
 
 _CHUNK: Final = 16 * 1024
@@ -36,6 +40,20 @@ _CHUNK: Final = 16 * 1024
 
 _LIBRARY: Final = "macor-hil"
 _SECOND: Final = 1_000_000_000
+
+_log = logging.getLogger(__name__)
+
+_TOPIC: Final = re.compile(r"(khepera|macor)/([A-Za-z0-9_.-]{1,64})/(\w{1,64})", re.ASCII)
+_FORMAT: Final = re.compile(r"[a-z0-9.+-]{1,20}")
+
+_EVENT: Final = 1000
+"""Bytes that an event takes beside its data, at most."""
+
+_ROOM: Final = 64 * MIB
+_RATIO: Final = 256
+"""A recording has as much data as _ROOM and _RATIO times its file, or it was made to do harm."""
+
+_MOST_MEMORY: Final = 2048 * MIB
 
 
 class Alive(Payload):
@@ -136,7 +154,7 @@ class Recorder:
         channel = self._json_channel(f"{side}/{self._robot}/{leaf}", side, type(payload))
         self._add(channel, payload.model_dump_json().encode(), received, None)
 
-    def _protobuf(self, topic: str, message: Message, received: int) -> None:
+    def _protobuf(self, topic: str, message: Protobuf, received: int) -> None:
         channel = self._protobuf_channel(topic, message)
         self._add(channel, message.SerializeToString(), received, None)
 
@@ -153,14 +171,14 @@ class Recorder:
         if topic not in self._channels:
             name = schema_name(side, payload)
             if name not in self._schemas:
-                schema = json.dumps(payload.model_json_schema()).encode()
+                schema = json.dumps(schema_of(payload)).encode()
                 self._schemas[name] = self._writer.register_schema(name, "jsonschema", schema)
             self._channels[topic] = self._writer.register_channel(
                 topic, "json", self._schemas[name]
             )
         return self._channels[topic]
 
-    def _protobuf_channel(self, topic: str, message: Message) -> int:
+    def _protobuf_channel(self, topic: str, message: Protobuf) -> int:
         if topic not in self._channels:
             name = message.DESCRIPTOR.full_name
             if name not in self._schemas:
@@ -178,64 +196,131 @@ class Recorder:
         return RecordingError(f"cannot record to {self._path}: {error.strerror}")
 
 
-def read_recording(path: Path) -> tuple[str, list[Event]]:
-    """Read a recording, as far as it goes: one that was cut off ends where it was.
+def play_recording(path: Path) -> tuple[str, Iterator[Event]]:
+    """Read a recording while it is used, as far as it goes; what is left out is told.
 
     Returns:
-        The robot's name, and the events in their order.
+        The robot's name, and its events in their order.
 
     Raises:
         RecordingError: there is no such file, or nothing of a robot in it.
     """
-    robot, events = "", list[Event]()
-    try:
-        for topic, event in _events(path):
-            robot = robot or topic.split("/")[1]
-            events.append(event)
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror}") from None
-    if not events:
+    events = _events(path)
+    first = next(events, None)
+    if first is None:
         raise RecordingError(f"{path} is no recording of a robot: no sample of one is in it")
+    robot, event = first
+    return robot, chain([event], (event for name, event in events if name == robot))
+
+
+def read_recording(path: Path, most: int = _MOST_MEMORY) -> tuple[str, list[Event]]:
+    """Read a recording into memory, as far as it goes and there is room; what is left out is told.
+
+    Args:
+        path: the file.
+        most: bytes that the events may have.
+
+    Returns:
+        The robot's name, and its events in their order.
+
+    Raises:
+        RecordingError: there is no such file, or nothing of a robot in it.
+    """
+    robot, played = play_recording(path)
+    events = list[Event]()
+    for event in played:
+        most -= _cost(event)
+        if most < 0:
+            _log.warning("%s: there is room for its first %d events only", path, len(events))
+            break
+        events.append(event)
     return robot, events
 
 
+class _LeftOut:
+    """Counts what of a recording cannot be used."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._first = ""
+
+    def add(self, what: str) -> None:
+        self._count += 1
+        self._first = self._first or what
+
+    def tell(self, path: Path) -> None:
+        if self._count:
+            more = f", and {self._count - 1:,} more" if self._count > 1 else ""
+            _log.warning("%s: left out %s%s", path, self._first, more)
+
+
 def _events(path: Path) -> Iterator[tuple[str, Event]]:
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    with path.open("rb") as file:
-        records: Iterator[Any] = StreamReader(file).records
-        while True:
-            try:
-                record = next(records, None)
-            except (McapError, ValueError, MemoryError):
-                return  # cut off, or damaged from here on
-            match record:
-                case None:
+    """Read the events, with the names of their robots.
+
+    Raises:
+        RecordingError: the file cannot be read.
+    """
+    left_out = _LeftOut()
+    try:
+        with open_regular(path) as file:
+            room = _ROOM + _RATIO * os.fstat(file.fileno()).st_size
+            for message in read_messages(file):
+                if isinstance(message, Damage):
+                    left_out.add(f"a part at byte {message.place:,}: {message.reason}")
+                    continue
+                topic = _TOPIC.fullmatch(message.topic)
+                room -= len(message.data) + (_EVENT if topic else 0)
+                if room < 0:
+                    left_out.add("the rest: it expands to far more than a recording does")
                     return
-                case Schema():
-                    schemas[record.id] = record
-                case Channel():
-                    channels[record.id] = record
-                case McapMessage():
-                    channel = channels[record.channel_id]
-                    event = _event(channel.topic, schemas.get(channel.schema_id), record)
-                    if event is not None:
-                        yield channel.topic, event
+                try:
+                    event = _event(topic[1], topic[3], message) if topic else None
+                except ValueError:
+                    left_out.add(f"a sample of {message.topic}, which cannot be read")
+                    continue
+                if topic and event:
+                    yield topic[2], event
+    except InputError as error:
+        raise RecordingError(f"cannot read {path}: {error}") from None
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror}") from None
+    finally:
+        left_out.tell(path)
 
 
-def _event(topic: str, schema: Schema | None, message: McapMessage) -> Event | None:
-    side, leaf = topic.partition("/")[0], topic.rpartition("/")[2]
+def _event(side: str, leaf: str, message: Message) -> Event | None:
+    """Return the event of a message; None for messages of other kinds.
+
+    Raises:
+        ValueError: it cannot be read.
+    """
     if not any(key.side == side and key.leaf == leaf for key in KEYS):
         return None
     if leaf == ALIVE:
         alive = Alive.model_validate_json(message.data).alive
         return Presence(side, alive, message.log_time)
-    data, encoding = message.data, f"application/json;{schema.name if schema else ''}"
-    if (side, leaf) not in PAYLOADS:
-        try:
-            picture = CompressedImage.FromString(data)
-        except DecodeError:
-            return None
-        data, encoding = picture.data, f"image/{picture.format}"
+    if payload := PAYLOADS.get((side, leaf)):
+        data, encoding = message.data, f"application/json;{schema_name(side, payload)}"
+    else:
+        data, encoding = _picture(message.data)
     stamp = Stamp(sequence=message.sequence, time=message.publish_time / _SECOND)
     return Arrival(side, leaf, data, encoding, stamp, message.log_time)
+
+
+def _picture(data: bytes) -> tuple[bytes, str]:
+    """Return an encoded picture and its media type.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        picture = CompressedImage.FromString(data)
+    except DecodeError:
+        raise ValueError("it is no picture") from None
+    if not _FORMAT.fullmatch(picture.format):
+        raise ValueError("it is a picture of an odd format")
+    return picture.data, f"image/{picture.format}"
+
+
+def _cost(event: Event) -> int:
+    return _EVENT + (len(event.data) if isinstance(event, Arrival) else 0)

@@ -6,43 +6,51 @@ the latest at that moment.
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
+from functools import partial
 from typing import Final, Self
 
 import zenoh
 
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.keys import ALIVE, PAYLOADS
+from macor_hil.telemetry.keys import ALIVE, KEYS
+from macor_hil.telemetry.playing_times import in_playing_time
+from macor_hil.telemetry.samples import LONGEST_ENCODING
 from macor_hil.telemetry.session import check_robot_name
-from protocol.keys import CONTROLLER, DESCRIBE, EMULATOR, SCHEMA_MEDIA_TYPE
+from protocol.keys import DESCRIBE, SCHEMA_MEDIA_TYPE
+from protocol.schema import schema_of
+from protocol.side_channel import Payload
 
 _NS: Final = 1e-9
 
 
 def replay(
-    events: Sequence[Event],
+    events: Iterable[Event],
     stage: "Stage",
     speed: float = 1.0,
     *,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
-) -> None:
-    """Publish events at the distances that they have.
+) -> int:
+    """Publish events at the distances that they have (see `in_playing_time`); return their number.
 
     Args:
-        events: what was recorded, in its order.
+        events: what was recorded, in its order; taken one by one.
         stage: where to.
         speed: how many times faster.
         clock: seconds.
         sleep: waits for so many of them.
     """
-    begin, first = clock(), events[0].received
-    for event in events:
+    begin, first, count = clock(), 0, 0
+    for event in in_playing_time(events):
+        first = event.received if count == 0 else first
         due = begin + (event.received - first) * _NS / speed
         if (left := due - clock()) > 0.0:
             sleep(left)
         stage.show(event)
+        count += 1
+    return count
 
 
 class Stage:
@@ -68,9 +76,11 @@ class Stage:
         # replaced as a whole, for the library's thread that answers the queries
         self._latest: dict[str, tuple[Arrival, zenoh.Timestamp]] = {}
         with ExitStack() as stack:
-            for side in (EMULATOR, CONTROLLER):
-                queryable = session.declare_queryable(f"{side}/{robot}/*", self._answer)
-                stack.enter_context(queryable)
+            for key in KEYS:
+                if key.published or key.payload:
+                    name = f"{key.side}/{robot}/{key.leaf}"
+                    answer = partial(self._answer, name, key.payload)
+                    stack.enter_context(session.declare_queryable(name, answer))
             stack.callback(self._go)
             self._stack = stack.pop_all()
 
@@ -92,7 +102,7 @@ class Stage:
         self._session.put(
             key,
             event.data,
-            encoding=zenoh.Encoding(event.encoding),
+            encoding=_encoding(event),
             attachment=_attachment(event),
             timestamp=timestamp,
             congestion_control=zenoh.CongestionControl.DROP,
@@ -117,28 +127,27 @@ class Stage:
             token.undeclare()
         self._tokens.clear()
 
-    def _answer(self, query: zenoh.Query) -> None:
+    def _answer(self, key: str, payload: type[Payload] | None, query: zenoh.Query) -> None:
         with query:
-            key = str(query.key_expr)
-            if DESCRIBE in query.parameters:
-                self._describe(query, key)
-            elif key in self._latest:
-                arrival, timestamp = self._latest[key]
+            if payload and DESCRIBE in query.parameters:
+                schema = json.dumps(schema_of(payload))
+                query.reply(key, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
+            elif known := self._latest.get(key):
+                arrival, timestamp = known
                 query.reply(
                     key,
                     arrival.data,
-                    encoding=zenoh.Encoding(arrival.encoding),
+                    encoding=_encoding(arrival),
                     attachment=_attachment(arrival),
                     timestamp=timestamp,
                 )
             else:
                 query.reply_err("nothing yet", encoding=zenoh.Encoding.TEXT_PLAIN)
 
-    def _describe(self, query: zenoh.Query, key: str) -> None:
-        side, _, leaf = key.split("/")
-        if payload := PAYLOADS.get((side, leaf)):
-            schema = json.dumps(payload.model_json_schema())
-            query.reply(key, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
+
+def _encoding(arrival: Arrival) -> zenoh.Encoding:
+    """Return the encoding of a sample, which Zenoh cannot send if it is long."""
+    return zenoh.Encoding(arrival.encoding.encode()[:LONGEST_ENCODING].decode(errors="ignore"))
 
 
 def _attachment(arrival: Arrival) -> str | None:

@@ -1,78 +1,111 @@
 """JSON payloads of the controller's keys, one model each; `describe` queries give their schemas.
 
-Measured values have no bounds here: a robot that reads oddly is still to be seen as it reads.
+The bounds of measured values are far beyond what is measured: a robot that reads oddly is still to
+be seen as it reads.
 """
 
 from enum import StrEnum
+from typing import Annotated, Final
 
-from pydantic import Field
+from pydantic import FailFast, Field
 
-from protocol.side_channel import Payload, Pose
+from protocol.side_channel import (
+    Amount,
+    Count,
+    Integer,
+    Name,
+    Number,
+    Payload,
+    Pose,
+    Real,
+    Text,
+    Time,
+)
+
+MOST_COMMANDS: Final = 16
+MOST_AHEAD: Final = 4_096
+"""Transitions of a sequence."""
+
+MOST_HYPOTHESES: Final = 64
+MOST_ACTIVITIES: Final = 100_000
+MOST_SECTORS: Final = 360
+MOST_CHANNELS: Final = 8
 
 
 class Situation(Payload):
     """What the robot takes its view for."""
 
-    node: int = Field(ge=0, description="visual situation")
-    neuron: int = Field(ge=0, description="that situation, entered by the last command")
+    node: Count = Field(description="visual situation")
+    neuron: Count = Field(description="that situation, entered by the last command")
     resonant: bool = Field(description="whether the match reached the vigilance")
-    match: float = Field(description="match of the situation's node, 0 to 1")
+    match: Real = Field(description="match of the situation's node, 0 to 1")
 
 
 class Alternative(Payload):
     """A command that could have followed."""
 
-    command: str
-    evaluation: float | None = Field(description="null: never tried in this situation")
+    command: Name
+    evaluation: Real | None = Field(
+        default=None,
+        # left out rather than null: viewers of recordings know one type for a field
+        exclude_if=lambda value: value is None,
+        description="absent: never tried in this situation",
+    )
 
 
 class Ahead(Payload):
     """A transition of the best hypothetical sequence."""
 
-    node: int = Field(ge=0, description="situation expected after the command")
-    command: str
+    node: Count = Field(description="situation expected after the command")
+    command: Name
+
+
+Transitions = Annotated[list[Ahead], FailFast(), Field(max_length=MOST_AHEAD)]
 
 
 class Hypothesis(Payload):
     """A hypothetical sequence of transitions that was weighed."""
 
-    evaluation: float = Field(description="what the planner takes it to be worth")
-    ahead: list[Ahead] = Field(description="its transitions, the next command first")
+    evaluation: Real = Field(description="what the planner takes it to be worth")
+    ahead: Transitions = Field(description="its transitions, the next command first")
 
 
 class Odometry(Payload):
     """Where the robot takes itself to be, from its encoders alone."""
 
     pose: Pose
-    counters: tuple[int, int] = Field(description="encoder counts, left and right")
+    counters: tuple[Integer, Integer] = Field(description="encoder counts, left and right")
 
 
 class Decision(Payload):
     """A decision and its outcome; published when the command has been driven."""
 
-    time: float = Field(description="seconds on the robot's clock; wall clock for a real robot")
-    sequence: int = Field(ge=0, description="counts the decisions of a run from 0")
-    frame_time: float = Field(description="stamp of the frame that was decided on, seconds")
+    time: Time = Field(description="seconds on the robot's clock; wall clock for a real robot")
+    sequence: Number = Field(description="counts the decisions of a run from 0")
+    frame_time: Time = Field(description="stamp of the frame that was decided on, seconds")
     situation: Situation
-    alternatives: list[Alternative]
-    command: str = Field(description="the command that was driven")
-    steps: int = Field(ge=0, description="steps that the wave of activity took")
-    sequence_ahead: list[Ahead] = Field(description="the best hypothetical sequence")
-    hypotheses: list[Hypothesis] = Field(
-        description="what was weighed, the best first: each next transition, best continued"
+    alternatives: Annotated[list[Alternative], FailFast()] = Field(max_length=MOST_COMMANDS)
+    command: Name = Field(description="the command that was driven")
+    steps: Count = Field(description="steps that the wave of activity took")
+    sequence_ahead: Transitions = Field(description="the best hypothetical sequence")
+    hypotheses: Annotated[list[Hypothesis], FailFast()] = Field(
+        max_length=MOST_HYPOTHESES,
+        description="what was weighed, the best first: each next transition, best continued",
     )
-    activities: list[float] = Field(
+    activities: Annotated[list[Real], FailFast()] = Field(
+        max_length=MOST_ACTIVITIES,
         description="of every neuron after the wave, 0 to 1; neuron = situation * commands +"
-        " command that led into it; empty for planners without a wave"
+        " command that led into it; empty for planners without a wave",
     )
-    features: list[float] = Field(
+    features: Annotated[list[Real], FailFast()] = Field(
+        max_length=MOST_SECTORS * MOST_CHANNELS,
         description="what the receptive fields saw, 0 to 1: the channels of the first field, of"
-        " the second, ..."
+        " the second, ...",
     )
-    reinforcement: float = Field(description="earned by the command")
-    total_reinforcement: float = Field(description="of the run so far")
+    reinforcement: Real = Field(description="earned by the command")
+    total_reinforcement: Real = Field(description="of the run so far")
     collided: bool
-    infrared: list[int] = Field(
+    infrared: list[Integer] = Field(
         min_length=8,
         max_length=8,
         description="the last proximity reading, 0 far to 1023 near, in the order of N's reply",
@@ -95,52 +128,63 @@ class State(Payload):
     """What a controller is doing, with what."""
 
     phase: Phase
-    planner: str
-    port: str
-    camera: str
-    map: str
-    driven: int = Field(ge=0, description="commands driven so far")
-    limit: int = Field(ge=0, description="commands after which the run ends")
-    reason: str = Field(default="", description="why it is late, recovering, stopped or failed")
+    planner: Text
+    port: Text
+    camera: Text
+    map: Text
+    driven: Count = Field(description="commands driven so far")
+    limit: Count = Field(description="commands after which the run ends")
+    reason: Text = Field(default="", description="why it is late, recovering, stopped or failed")
 
 
 class Command(Payload):
     """A motor command: an arc."""
 
-    name: str
-    turn: float = Field(description="radians, left positive")
-    way: float = Field(description="metres")
+    name: Name
+    turn: Real = Field(description="radians, left positive")
+    way: Real = Field(description="metres")
 
 
 class Fields(Payload):
     """Receptive fields around the robot: Gaussian profiles over azimuth."""
 
     sectors: int = Field(
-        ge=1, description="how many, evenly around, clockwise from straight behind"
+        ge=0,
+        le=MOST_SECTORS,
+        description="how many, evenly around, clockwise from straight behind; 0: other eyes",
     )
-    width: float = Field(gt=0.0, description="standard deviation of a profile, radians")
-    channels: list[str] = Field(description="opponent channels, in the order of the features")
+    width: float = Field(ge=0.0, le=100.0, description="standard deviation of a profile, radians")
+    channels: list[Name] = Field(
+        max_length=MOST_CHANNELS, description="opponent channels, in the order of the features"
+    )
+
+
+Side = Annotated[int, Field(ge=1, le=10_000)]
+Pixels = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
+Angle = Annotated[float, Field(ge=-10.0, le=10.0)]
 
 
 class Eye(Payload):
     """Where the mirror lies in a frame, and what it shows; straight ahead is up."""
 
-    width: int = Field(description="of a frame, pixels")
-    height: int = Field(description="of a frame, pixels")
-    centre_x: float = Field(description="pixels from the left")
-    centre_y: float = Field(description="pixels from the top")
-    inner: float = Field(description="radius of the lowest elevation, pixels")
-    outer: float = Field(description="radius of the highest elevation, pixels")
-    low: float = Field(description="that lowest elevation, radians")
-    high: float = Field(description="that highest elevation, radians")
+    width: Side = Field(description="of a frame, pixels")
+    height: Side = Field(description="of a frame, pixels")
+    centre_x: Pixels = Field(description="pixels from the left")
+    centre_y: Pixels = Field(description="pixels from the top")
+    inner: Pixels = Field(description="radius of the lowest elevation, pixels")
+    outer: Pixels = Field(description="radius of the highest elevation, pixels")
+    low: Angle = Field(description="that lowest elevation, radians")
+    high: Angle = Field(description="that highest elevation, radians")
 
 
 class Learned(Payload):
     """What a run drives by: the map in numbers, and how to read frames and decisions."""
 
-    situations: int = Field(ge=0, description="visual situations that the map knows")
-    transitions: int = Field(ge=0, description="transitions between neurons that have occurred")
-    commands: list[Command] = Field(description="in the order of neurons")
+    situations: Count = Field(description="visual situations that the map knows")
+    transitions: Count = Field(description="transitions between neurons that have occurred")
+    commands: Annotated[list[Command], FailFast()] = Field(
+        min_length=1, max_length=MOST_COMMANDS, description="in the order of neurons"
+    )
     fields: Fields
     eye: Eye
 
@@ -148,9 +192,9 @@ class Learned(Payload):
 class Link(Payload):
     """How the serial line to the robot does."""
 
-    time: float = Field(description="seconds on the robot's clock; wall clock for a real robot")
-    exchanges: int = Field(ge=0, description="requests that were answered, so far")
-    failures: int = Field(ge=0, description="requests that were not, so far")
-    recent: int = Field(ge=0, description="requests answered since the last sample")
-    mean: float = Field(ge=0.0, description="of their round trips, seconds; 0 without any")
-    worst: float = Field(ge=0.0, description="of their round trips, seconds")
+    time: Time = Field(description="seconds on the robot's clock; wall clock for a real robot")
+    exchanges: Count = Field(description="requests that were answered, so far")
+    failures: Count = Field(description="requests that were not, so far")
+    recent: Count = Field(description="requests answered since the last sample")
+    mean: Amount = Field(description="of their round trips, seconds; 0 without any")
+    worst: Amount = Field(description="of their round trips, seconds")

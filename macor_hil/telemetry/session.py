@@ -1,21 +1,24 @@
 """Zenoh sessions of the controller and of those who watch it."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import zenoh
 
 from macor_hil.errors import TelemetryError
-from protocol.zenoh_config import zenoh_config
+from protocol import zenoh_session
+from protocol.zenoh_session import EndpointInUseError, SessionError
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 
+@contextmanager
 def open_session(
     listen: Sequence[str], connect: Sequence[str], file: Path | None = None
-) -> zenoh.Session:
-    """Open a session; use it as a context, a process with an open one may never exit.
+) -> Iterator[zenoh.Session]:
+    """Open a session for as long as it is used; see `protocol.zenoh_session`.
 
     Args:
         listen: endpoints to be found at; none: do not listen.
@@ -25,30 +28,17 @@ def open_session(
     Raises:
         TelemetryError: an endpoint is malformed or in use, or the file cannot be used.
     """
-    if file is not None:
-        return _open_from(file)
-    try:
-        return zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect)))
-    except zenoh.ZError as error:
-        if "Address already in use" in str(error):
+    with ExitStack() as stack:
+        try:
+            session = stack.enter_context(zenoh_session.open_session(listen, connect, file))
+        except EndpointInUseError as error:
             raise TelemetryError(
-                f"another program, perhaps another controller, listens on {', '.join(listen)}"
-                " already; end it or give another --listen endpoint"
+                f"{error}, perhaps another controller; end it or give another --listen endpoint"
             ) from None
-        # the library's text ends with places in its own source
-        reason = str(error).partition(" at /")[0]
-        raise TelemetryError(
-            f"cannot open a Zenoh session on {', '.join([*listen, *connect])}: {reason}; an"
-            " endpoint looks like tcp/127.0.0.1:7448"
-        ) from None
-
-
-def _open_from(file: Path) -> zenoh.Session:
-    try:
-        return zenoh.open(zenoh.Config.from_file(str(file)))
-    except zenoh.ZError as error:
-        reason = str(error).partition(" at /")[0]
-        raise TelemetryError(f"cannot open a Zenoh session as {file} says: {reason}") from None
+        except SessionError as error:
+            hint = "" if file else "; an endpoint looks like tcp/127.0.0.1:7448"
+            raise TelemetryError(f"{error}{hint}") from None
+        yield session
 
 
 def check_robot_name(name: str) -> None:

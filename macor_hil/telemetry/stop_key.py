@@ -1,6 +1,7 @@
 """The stop key `macor/<robot>/stop`: whoever reaches it may end a run, if the run allows it.
 
-A query is answered once the request has been taken in; what is put on the key counts as well.
+Only what names the key itself and holds a `Stop` counts: a query or a sample for all keys
+(`macor/**`, `**`) is a look, and ends nothing.
 """
 
 from collections.abc import Callable
@@ -10,12 +11,16 @@ from typing import Final, Self
 import zenoh
 
 from macor_hil.errors import TelemetryError
+from macor_hil.telemetry.keys import STOP
 from macor_hil.telemetry.session import check_robot_name
-from protocol.side_channel import controller_key
-
-STOP: Final = "stop"
+from protocol.side_channel import PayloadError, Stop, controller_key
+from protocol.zenoh_reply import refusal
 
 _PATIENCE: Final = 2.0
+_LONGEST: Final = 100
+"""Bytes of a request at most."""
+
+_REQUEST: Final = Stop(stop=True).model_dump_json()
 
 
 class StopKey:
@@ -44,11 +49,28 @@ class StopKey:
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:
-            self._stop("the stop key")
-            query.reply(self._key, "stopping", encoding=zenoh.Encoding.TEXT_PLAIN)
+            if str(query.key_expr) != self._key:
+                return  # somebody looks at what there is, and means no harm
+            if _says_so(query.payload):
+                self._stop("the stop key")
+                query.reply(self._key, "stopping", encoding=zenoh.Encoding.TEXT_PLAIN)
+            else:
+                reason = f"{self._key} ends the run, if it is asked with the payload {_REQUEST}"
+                query.reply_err(reason, encoding=zenoh.Encoding.TEXT_PLAIN)
 
-    def _hear(self, _: zenoh.Sample) -> None:
-        self._stop("the stop key")
+    def _hear(self, sample: zenoh.Sample) -> None:
+        if str(sample.key_expr) == self._key and _says_so(sample.payload):
+            self._stop("the stop key")
+
+
+def _says_so(payload: zenoh.ZBytes | None) -> bool:
+    if payload is None:
+        return False
+    try:
+        Stop.parse(payload.to_bytes(), _LONGEST)
+    except PayloadError:
+        return False
+    return True
 
 
 def ask_to_stop(session: zenoh.Session, robot: str) -> None:
@@ -59,8 +81,12 @@ def ask_to_stop(session: zenoh.Session, robot: str) -> None:
     """
     check_robot_name(robot)
     key = controller_key(robot, STOP)
-    if not any(reply.ok for reply in session.get(key, timeout=_PATIENCE)):
-        raise TelemetryError(
-            f"nobody answers on the Zenoh key {key}: no controller drives {robot}, or it was not"
-            " started with --stop-key, or does not let you"
-        )
+    replies = list(session.get(key, payload=_REQUEST, timeout=_PATIENCE))
+    if any(reply.ok for reply in replies):
+        return
+    if replies:
+        raise TelemetryError(f"the controller of {robot} refuses to stop: {refusal(replies[0])}")
+    raise TelemetryError(
+        f"nobody answers on the Zenoh key {key}: no controller drives {robot}, or it was not"
+        " started with --stop-key, or does not let you"
+    )

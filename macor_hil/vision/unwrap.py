@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from math import pi
+from typing import Annotated
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from macor_hil.errors import CameraError
 from protocol.mirror import Mirror
@@ -18,8 +20,8 @@ Image = NDArray[np.uint8]
 class PanoramaSize:
     """Pixels of the panorama; its width covers the full turn, left of the robot at the left."""
 
-    columns: int = 120
-    rows: int = 32
+    columns: Annotated[int, Field(ge=1, le=2048)] = 120
+    rows: Annotated[int, Field(ge=1, le=2048)] = 32
 
 
 class Unwrapper:

@@ -18,6 +18,7 @@ has tried one (`count_inputs` is the same function). At the end a table shows ho
 
 import os
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
@@ -44,6 +45,14 @@ HOSTILE = pytest.StashKey[Hostile]()
 
 def pytest_configure(config):
     config.stash[HOSTILE] = Hostile()
+
+
+def pytest_collection_modifyitems(config, items):
+    """Give the long form all the time it takes."""
+    if config.stash[HOSTILE].long:
+        for item in items:
+            if item.path.parent == Path(__file__).parent:
+                item.add_marker(pytest.mark.timeout(3600))
 
 
 @pytest.fixture(scope="session")

@@ -106,6 +106,8 @@ def way_of(start: Pose, ahead: Iterable[Ahead], commands: Mapping[str, Command])
 
 
 def _solids(outline: Outline) -> list[str]:
+    if not outline.solids:
+        return []
     shapes = []
     (left, bottom), (right, top) = _extent(outline)
     floor = rgb(tuple(0.35 * part for part in outline.floor))  # type: ignore[arg-type]

@@ -25,6 +25,8 @@ from protocol.units import PROXIMITY_FULL
 _CELL: Final = 12.0
 _LEFT: Final = 62.0
 _MOST_BARS: Final = 60
+_MOST_COLUMNS: Final = 300
+"""Situations that are drawn, the first ones."""
 
 
 def columns(decision: Decision | None, learned: Learned | None) -> str:
@@ -35,7 +37,7 @@ def columns(decision: Decision | None, learned: Learned | None) -> str:
     if decision is None or learned is None:
         return drawing(660, 40, title="no activity yet")
     names = [command.name for command in learned.commands]
-    count, rows = max(learned.situations, 1), len(names)
+    count, rows = min(max(learned.situations, 1), _MOST_COLUMNS), len(names)
     shapes = []
     activities = [*decision.activities, *[0.0] * (count * rows)][: count * rows]
     for neuron, activity in enumerate(activities):
@@ -54,7 +56,7 @@ def columns(decision: Decision | None, learned: Learned | None) -> str:
             )
         )
     for number, step in enumerate(decision.sequence_ahead, 1):
-        if step.command in names:
+        if step.command in names and step.node < count:
             x = _LEFT + (step.node + 0.44) * _CELL
             y = (names.index(step.command) + 0.72) * _CELL
             shapes.append(
@@ -72,19 +74,20 @@ def columns(decision: Decision | None, learned: Learned | None) -> str:
                 )
             )
     node, row = divmod(decision.situation.neuron, rows)
-    shapes.append(
-        element(
-            "rect",
-            x=_LEFT + node * _CELL - 1,
-            y=row * _CELL - 1,
-            width=_CELL + 0.5,
-            height=_CELL + 0.5,
-            rx=3,
-            fill="none",
-            stroke=INK,
-            stroke_width=1.6,
+    if node < count:
+        shapes.append(
+            element(
+                "rect",
+                x=_LEFT + node * _CELL - 1,
+                y=row * _CELL - 1,
+                width=_CELL + 0.5,
+                height=_CELL + 0.5,
+                rx=3,
+                fill="none",
+                stroke=INK,
+                stroke_width=1.6,
+            )
         )
-    )
     for row, name in enumerate(names):
         shapes.append(label(_LEFT - 6, (row + 0.75) * _CELL, name, font_size=9, text_anchor="end"))
     y = (rows + 0.9) * _CELL

@@ -6,8 +6,8 @@ from math import cos, exp, pi, sin
 from typing import Final
 
 import cv2
-import numpy as np
 
+from macor_hil.cameras.decoding import check_picture, decode_picture
 from macor_hil.errors import CameraError
 from macor_hil.monitor.dashboard.svg import BEST, FAINT, drawing, element, heat, label, points, tip
 from macor_hil.monitor.watched import Watched
@@ -19,6 +19,8 @@ _SIZE: Final = PanoramaSize(columns=360, rows=80)
 _FIELD_ROWS: Final = 46
 _CURVE_STEP: Final = 6
 
+_COMPLAINT: Final = "a frame is no picture"
+
 _CAPTION: Final = 16
 _MARGIN: Final = 22
 """Room for names at the left."""
@@ -28,7 +30,7 @@ def mirror(watched: Watched) -> str:
     """The mirror image, straight ahead up, with the borders of the receptive fields."""
     learned = watched.controlled.learned
     eye = _mirror_of(learned.eye if learned else None)
-    shapes = [_picture(watched.frame, eye.width, eye.height)] if watched.frame else []
+    shapes = [_picture(watched.frame, eye.width, eye.height)] if _is_picture(watched.frame) else []
     shapes += [
         element(
             "circle",
@@ -66,10 +68,9 @@ def panorama(watched: Watched) -> str:
     height: float = rows + _CAPTION
     if learned:
         shapes += _profiles(learned.fields)
-        if decision and len(decision.features) == learned.fields.sectors * len(
-            learned.fields.channels
-        ):
-            shapes += _seen(learned.fields, decision.features, rows + _CAPTION)
+        features = decision.features if decision else []
+        if features and len(features) == learned.fields.sectors * len(learned.fields.channels):
+            shapes += _seen(learned.fields, features, rows + _CAPTION)
             height += _FIELD_ROWS
     for share, text in ((0.0, "behind"), (0.25, "left"), (0.5, "ahead"), (0.75, "right")):
         shapes.append(label(share * columns + 3, rows + 11, text, font_size=9))
@@ -137,9 +138,18 @@ def _seen(fields: Fields, features: list[float], top: float) -> list[str]:
         )
     for channel, name in enumerate(fields.channels):
         y = top + (channel + 0.72) * height
-        short = "-".join(part[0] for part in name.split("-"))
+        short = "-".join(part[:1] for part in name.split("-"))
         shapes.append(label(-4, y, short, tip(name), font_size=9, text_anchor="end"))
     return shapes
+
+
+def _is_picture(frame: bytes) -> bool:
+    """Whether a browser may be given a frame, which it decodes whatever its size."""
+    try:
+        check_picture(frame, _COMPLAINT)
+    except CameraError:
+        return False
+    return True
 
 
 def _mirror_of(eye: Eye | None) -> Mirror:
@@ -147,13 +157,10 @@ def _mirror_of(eye: Eye | None) -> Mirror:
 
 
 def _unwrapped(frame: bytes, eye: Eye | None) -> bytes | None:
-    image = cv2.imdecode(np.frombuffer(frame, np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        return None
     try:
-        flat: Image = _unwrapper(_mirror_of(eye))(np.asarray(image, dtype=np.uint8))
+        flat: Image = _unwrapper(_mirror_of(eye))(decode_picture(frame, _COMPLAINT))
     except CameraError:
-        return None  # another camera than the one described
+        return None  # damaged, or of another camera than the one described
     return bytes(cv2.imencode(".jpg", flat)[1].tobytes())
 
 

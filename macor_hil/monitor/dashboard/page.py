@@ -4,11 +4,13 @@ from contextlib import AbstractContextManager
 from html import escape
 from typing import Final
 
-from nicegui import ui
+from nicegui import Client, ui
 from nicegui.events import KeyEventArguments
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts
+from macor_hil.monitor.dashboard.failures import Failures
 from macor_hil.monitor.dashboard.sources import Player, Source
+from macor_hil.monitor.dashboard.ticks import again_and_again
 
 _PERIOD: Final = 0.1
 """Seconds between two looks at what is new."""
@@ -29,6 +31,7 @@ dl.words dd { margin: 0; }
 .arena svg { max-height: 62vh; }
 .columns { overflow-x: auto; }
 .columns svg { min-width: 600px; }
+.gone > :not(h2) { filter: grayscale(1); opacity: .5; }
 .mirror svg { image-rendering: pixelated; max-width: 300px; margin: 0 auto; }
 .ring svg { max-width: 260px; margin: 0 auto; }
 @media (min-width: 1100px) {
@@ -50,10 +53,13 @@ class Page:
 
     Args:
         source: what to show.
+        failures: what went wrong in pages.
     """
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, failures: Failures) -> None:
         self._source = source
+        self._failures = failures
+        self._cards: dict[str, ui.element] = {}
         self._held = False
         self._shown = -1
         ui.dark_mode(value=True)
@@ -62,31 +68,38 @@ class Page:
         self._head()
         with ui.element("main").classes("board"):
             self._arena = self._drawing("arena", "Arena: the way driven, sequences weighed")
-            with _card("eyes", "Camera and receptive fields"):
+            with self._card("eyes", "Camera and receptive fields"):
                 self._mirror = _svg("mirror")
                 self._panorama = _svg("q-mt-sm")
-            with _card("decision", "Decision"):
+            with self._card("decision", "Decision"):
                 self._situation = ui.label().classes("words").mark("situation")
                 self._alternatives = _svg("q-mt-sm")
             self._infrared = self._drawing("ring", "Infrared, ahead is up")
             self._columns = self._drawing("columns", "Columns: activity of every situation")
-            with _card("rewards", "Reinforcement"):
+            with self._card("rewards", "Reinforcement"):
                 self._totals = ui.label().classes("words")
                 self._rewards = _svg("")
-            with _card("health", "Link and telemetry"):
+            with self._card("health", "Link and telemetry"):
                 self._health = ui.html("", sanitize=False, tag="dl").classes("words")
-            with _card("line", "Serial line"):
+            with self._card("line", "Serial line"):
                 self._wire = ui.html("", sanitize=False, tag="pre").classes("wire")
                 self._wire.props("tabindex=0")
         ui.keyboard(on_key=self._key)
-        ui.timer(_PERIOD, self._tick)
-        self._draw()
+        client = ui.context.client
+
+        def tick() -> None:
+            # when the browser is there: what fails then is shown on a page that is served
+            if client.has_socket_connection:
+                self._tick()
+
+        again_and_again(_PERIOD, tick, lambda: client.id in Client.instances)
 
     def _head(self) -> None:
         with ui.row().classes("full-width items-center"):
             ui.label(self._source.watched.robot).classes("text-h6")
             self._status = ui.badge().props("role=status aria-live=polite").classes("text-body2")
             self._equipment = ui.label().classes("words")
+            self._trouble = ui.label().classes("text-negative").props("role=alert")
             ui.space()
             self._hold = ui.button("Pause", on_click=self._toggle).props("outline dense no-caps")
             self._hold.tooltip("space")
@@ -99,15 +112,25 @@ class Page:
                 ui.slider(min=0.0, max=player.duration, step=0.01, value=0.0)
                 .props('aria-label="moment of the recording"')
                 .classes("col")
-                .on("update:model-value", lambda event: player.seek(float(event.args)))
+                .on("update:model-value", lambda event: _seek(player, event.args))
             )
             self._moment = ui.label().classes("words text-no-wrap")
 
     def _drawing(self, name: str, title: str) -> ui.html:
-        with _card(name, title):
+        with self._card(name, title):
             return _svg("")
 
+    def _card(self, name: str, title: str) -> AbstractContextManager[ui.element]:
+        card = ui.element("section").classes(f"card {name}").props(f'aria-label="{title}"')
+        with card:
+            ui.html(title, sanitize=False, tag="h2")
+        self._cards[name] = card
+        return card
+
     def _tick(self) -> None:
+        self._trouble.text = self._failures.words()
+        if isinstance(self._source, Player):
+            self._source.poll()
         if not self._held:
             self._draw()
 
@@ -128,7 +151,7 @@ class Page:
 
     def _say(self, now: float) -> None:
         watched, source = self._source.watched, self._source
-        text, colour = texts.status(watched)
+        text, colour = texts.status(watched, now)
         self._status.text = text
         self._status.props(f"color={colour}-9")
         self._equipment.text = texts.equipment(watched)
@@ -136,6 +159,9 @@ class Page:
         self._totals.text = texts.totals(watched)
         self._health.content = _rows(texts.health(watched, now))
         self._wire.content = escape(texts.wire(watched))
+        gone = texts.gone(watched)
+        for name, card in self._cards.items():
+            card.classes(add="gone" if name in gone else "", remove="" if name in gone else "gone")
         if isinstance(source, Player):
             self._slider.value = source.position
             self._moment.text = f"{source.position:.1f} / {source.duration:.1f} s"
@@ -160,11 +186,10 @@ class Page:
                 self._source.seek(self._source.position + leap)
 
 
-def _card(name: str, title: str) -> AbstractContextManager[ui.element]:
-    card = ui.element("section").classes(f"card {name}").props(f'aria-label="{title}"')
-    with card:
-        ui.html(title, sanitize=False, tag="h2")
-    return card
+def _seek(player: Player, wanted: object) -> None:
+    """Go where the slider is; it is of the browser's making."""
+    if isinstance(wanted, int | float):
+        player.seek(float(wanted))
 
 
 def _svg(classes: str) -> ui.html:

@@ -4,6 +4,11 @@ from collections.abc import Iterable
 from html import escape
 from typing import Final
 
+from protocol.text import printable
+
+_LONGEST: Final = 200
+"""Characters of a text."""
+
 INK: Final = "#e8eaf0"
 FAINT: Final = "#8b93a7"
 LINE: Final = "#3a4254"
@@ -49,12 +54,17 @@ def label(x: float, y: float, text: str, *children: str, **attributes: object) -
     """A text, and elements in it; a size and a colour of its own if none is given."""
     attributes.setdefault("font_size", 11)
     attributes.setdefault("fill", FAINT)
-    return element("text", escape(text), *children, x=x, y=y, font_family="inherit", **attributes)
+    return element("text", _clean(text), *children, x=x, y=y, font_family="inherit", **attributes)
 
 
 def tip(text: str) -> str:
     """A title of the element around it, shown when pointed at."""
-    return element("title", escape(text))
+    return element("title", _clean(text))
+
+
+def _clean(text: str) -> str:
+    """Return text from elsewhere as the content of an element."""
+    return escape(printable(text, _LONGEST))
 
 
 def points(places: Iterable[tuple[float, float]]) -> str:

@@ -1,26 +1,48 @@
-"""What the dashboard says in words; names and reasons come from elsewhere and stay plain text."""
+"""What the dashboard says in words; names and reasons come from elsewhere and stay plain text.
+
+They are cleaned as for a terminal: what turns a text around or hides in it is shown as what it is.
+"""
 
 from typing import Final
 
 from macor_hil.monitor.watched import Arrivals, Watched
 from macor_hil.telemetry.schemas import Phase
+from protocol.text import printable
 
 _LINES: Final = 12
+_LONGEST: Final = 200
+"""Characters of a text, or of a line, that are shown."""
+
+_OF_CONTROLLER: Final = frozenset({"decision", "ring", "columns", "rewards"})
+_OF_EITHER: Final = frozenset({"arena", "eyes"})
+_OF_EMULATOR: Final = frozenset({"line"})
+"""Cards, by whose they are."""
 
 
-def status(watched: Watched) -> tuple[str, str]:
+def status(watched: Watched, now: float) -> tuple[str, str]:
     """What is going on, and a colour for it."""
     seen = watched.controlled
     if not seen.alive:
         if not watched.emulated.alive:
-            return "waiting for a robot", "grey"
-        return "robot there, nobody drives it", "cyan"
+            known = seen.met or watched.emulated.truth
+            return f"{'it has gone; ' if known else ''}waiting for a robot", "grey"
+        client = watched.emulated.client(now)
+        return f"robot there, {client or 'nobody drives it'}", "green" if client else "cyan"
     if seen.state is None:
         return "controller there, nothing said yet", "amber"
     state = seen.state
     colours = {Phase.DRIVING: "green", Phase.STOPPED: "cyan", Phase.FAILED: "red"}
     text = f"{state.phase.value}, {state.driven} of {state.limit} commands"
-    return text + (f": {state.reason}" if state.reason else ""), colours.get(state.phase, "amber")
+    text += f": {state.reason}" if state.reason else ""
+    return printable(text, _LONGEST), colours.get(state.phase, "amber")
+
+
+def gone(watched: Watched) -> frozenset[str]:
+    """Return the cards that show what was, because whoever told it is not there."""
+    there = watched.controlled.alive, watched.emulated.alive
+    of_controller = frozenset() if there[0] else _OF_CONTROLLER
+    of_emulator = frozenset() if there[1] else _OF_EMULATOR
+    return of_controller | of_emulator | (frozenset() if any(there) else _OF_EITHER)
 
 
 def equipment(watched: Watched) -> str:
@@ -28,7 +50,8 @@ def equipment(watched: Watched) -> str:
     state = watched.controlled.state
     if state is None:
         return ""
-    return f"{state.planner} planner · map {state.map} · {state.port} · camera {state.camera}"
+    parts = (f"{state.planner} planner", f"map {state.map}", state.port, f"camera {state.camera}")
+    return " · ".join(printable(part, _LONGEST) for part in parts)
 
 
 def situation(watched: Watched) -> str:
@@ -56,6 +79,7 @@ def totals(watched: Watched) -> str:
 def health(watched: Watched, now: float) -> list[tuple[str, str]]:
     """Names and values of what tells how line, camera and telemetry do."""
     seen, truth, link = watched.controlled, watched.emulated.truth, watched.controlled.link
+    there = watched.emulated.alive
     rows = [
         ("pictures", _stream(watched.frames, now)),
         ("decisions", f"{_stream(seen.decisions, now)}, {seen.missed} missed"),
@@ -68,13 +92,15 @@ def health(watched: Watched, now: float) -> list[tuple[str, str]]:
                 f" {1e3 * link.worst:.1f} ms worst",
             )
         )
-    if truth:
+    if truth and there:
         left, right = (round(1000 * speed) for speed in truth.speed)
         rows.append(("wheels", f"left {left} mm/s, right {right} mm/s"))
+    if truth:
         pose = truth.pose
-        rows.append(("robot at", f"x {pose.x:+.3f} m, y {pose.y:+.3f} m"))
-    if watched.trouble:
-        rows.append(("trouble", watched.trouble))
+        where = f"x {pose.x:+.3f} m, y {pose.y:+.3f} m"
+        rows.append(("robot at" if there else "robot was at", where))
+    if trouble := watched.not_taken.words():
+        rows.append(("trouble", trouble))
     return rows
 
 
@@ -88,14 +114,14 @@ def wire(watched: Watched) -> str:
             lines.append((entry.what, entry.text))
     marks = {"request": ">", "reply": "<"}
     return "\n".join(
-        f"{marks.get(what, what)} {text.rstrip().encode('unicode_escape').decode()}"
+        f"{printable(marks.get(what, what))} {printable(text.rstrip(), _LONGEST)}"
         for what, text in lines[-_LINES:]
     )
 
 
 def _stream(arrivals: Arrivals, now: float) -> str:
-    age, rate = arrivals.age(now), arrivals.rate
+    age, rate = arrivals.age(now), arrivals.rate(now)
     if age is None:
         return "none yet"
     often = "" if rate is None else f"{rate:.1f}/s, "
-    return f"{often}last one {max(age, 0.0):.1f} s ago"
+    return f"{often}last one {age:.1f} s ago"

@@ -1,0 +1,265 @@
+"""`make soak-watchers`: an hour of eight robots, 300 runs of controllers, and those who watch them.
+
+Emulator, controllers, monitor, recorder and dashboard are processes. The robots live five times
+faster than real ones, so that an hour of them takes twelve minutes; the controllers drive in real
+time as they do everywhere. Every run opens a Zenoh session of its own, which is what a watcher sees
+of a controller that is started anew. A browser is taken for one by opening the page's WebSocket.
+What is asked: memory and descriptors of every process stay flat.
+
+With `--minutes N` the robots live N minutes instead, and as many runs are asked for as fit.
+"""
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import socketio
+from emulator_process import EmulatorProcess, free_endpoint
+from page import DOCS, table, write_part
+from rich.console import Console
+from rig import Controller
+from short_training import train_shortly
+from soak_service import Use, use_of
+
+from macor_hil.bench import ZenohBench
+from macor_hil.errors import BenchError
+from macor_hil.telemetry.session import open_session
+from protocol.side_channel import Reset
+
+_ROBOTS: Final = 8
+_SPEED: Final = 5.0
+_HOUR: Final = 60.0
+_RUNS: Final = 300
+_COMMANDS: Final = 8
+"""Commands of a run at most."""
+
+_WARM: Final = 0.4
+_PART: Final = 0.1
+"""Part of the time after which memory and descriptors are looked at, and for how much of it: by
+then what is loaded late is loaded, and Zenoh has buffers for as many peers as come at a time."""
+
+_MEMORY: Final = 8.0
+"""MB that a process may grow by; shared memory that is kept would be 17 MB a run."""
+
+_DESCRIPTORS: Final = 10
+"""Descriptors likewise: sessions of controllers that are open, and some that just close."""
+
+_HERE: Final = Path(__file__).parent
+
+
+class Soak:
+    """Robots, controllers and watchers, while they run.
+
+    Args:
+        stack: ends them.
+        folder: for their files.
+    """
+
+    def __init__(self, stack: ExitStack, folder: Path) -> None:
+        self._endpoint = free_endpoint()
+        emulator = EmulatorProcess(
+            *("--robots", str(_ROBOTS), "--speed", f"{_SPEED:g}", "--arena", "open-box"),
+            *("--baud", "57600", "--link", str(folder / "robot"), "--listen", self._endpoint),
+        )
+        stack.callback(emulator.end)
+        session = stack.enter_context(open_session([], [self._endpoint]))
+        self._benches = [ZenohBench(session, f"khepera-{k}") for k in range(1, _ROBOTS + 1)]
+        trained = train_shortly(folder / "map.npz")
+        endpoints = [free_endpoint() for _ in range(_ROBOTS)]
+        self._controllers = [
+            self._controller(folder, k, trained, endpoint)
+            for k, endpoint in enumerate(endpoints, start=1)
+        ]
+        for controller in self._controllers:
+            stack.callback(controller.close)
+        self._seen = [0] * _ROBOTS
+        self.runs = 0
+        connect = [part for each in (self._endpoint, *endpoints) for part in ("--connect", each)]
+        self.pids = {"emulator": emulator.process.pid}
+        self.pids |= {
+            f"controller {k}": each.process.pid for k, each in enumerate(self._controllers, start=1)
+        }
+        for name, command in (
+            ("monitor", ["monitor", "--robot", "khepera-1"]),
+            ("recorder", ["record", str(folder / "drive.mcap"), "--robot", "khepera-2"]),
+            ("dashboard", ["dashboard", "--robot", "khepera-3", "--port", str(_free_port())]),
+        ):
+            self.pids[name] = stack.enter_context(_watcher([*command, *connect]))
+            if name == "dashboard":
+                stack.enter_context(_browser(f"http://127.0.0.1:{command[-1]}"))
+
+    def _controller(self, folder: Path, k: int, trained: Path, endpoint: str) -> Controller:
+        values = {
+            "port": str(folder / f"robot-{k}"),
+            "map_file": str(trained),
+            "baud": 57600,
+            "commands": _COMMANDS,
+            "planner": "circle",
+            "robot": f"khepera-{k}",
+            "listen": [endpoint],
+            "connect": [self._endpoint],
+            "forever": True,
+        }
+        script = _HERE.parent / "tests" / "controller_process.py"
+        return Controller([sys.executable, str(script), json.dumps(values)])
+
+    def clock(self) -> float:
+        """Seconds that the robots have lived; an emulator on a busy machine may answer late."""
+        while True:
+            with suppress(BenchError):
+                return self._benches[0].truth().time
+
+    def attend(self) -> None:
+        """Count the runs that have ended, and put robots that collided somewhere else."""
+        for k, controller in enumerate(self._controllers):
+            lines = [line for line in controller.lines[self._seen[k] :] if line is not None]
+            self._seen[k] += len(lines)
+            ends = [line for line in lines if line != "step"]
+            self.runs += len(ends)
+            if any(not line.startswith("all commands") for line in ends):
+                with suppress(BenchError):  # no free place just now; the next run will tell
+                    self._benches[k].reset(Reset(random=True))
+        for name, pid in self.pids.items():
+            if not Path(f"/proc/{pid}/fd").exists() or use_of(pid).memory == 0.0:
+                raise SystemExit(f"{name} ended")
+
+    @property
+    def decisions(self) -> int:
+        """Commands driven by all robots."""
+        return sum(controller.steps() for controller in self._controllers)
+
+
+@contextmanager
+def _watcher(arguments: list[str]) -> Iterator[int]:
+    """Run a program that watches, on a terminal that somebody reads; gives its number."""
+    ours, its = pty.openpty()
+    command = [sys.executable, "-m", "macor_hil.cli", *arguments]
+    with subprocess.Popen(command, stdin=its, stdout=its, stderr=its) as process:
+        os.close(its)
+        reader = threading.Thread(target=_read_all, args=(ours,), daemon=True)
+        reader.start()
+        try:
+            yield process.pid
+        finally:
+            process.terminate()
+            process.wait()
+            reader.join()
+            os.close(ours)
+
+
+def _read_all(descriptor: int) -> None:
+    try:
+        while os.read(descriptor, 1 << 16):
+            pass
+    except OSError:
+        pass  # the other side of the terminal is closed
+
+
+@contextmanager
+def _browser(address: str) -> Iterator[None]:
+    """Open a page as a browser does: get it, then take what its WebSocket sends."""
+    page = ""
+    while not page:
+        try:
+            with urllib.request.urlopen(address) as answer:
+                page = answer.read().decode()
+        except OSError:
+            time.sleep(0.1)  # not served yet
+    found = re.search(r"'client_id': '([^']+)'", page)
+    if found is None:
+        raise SystemExit("the page has another form than this script knows")
+    client = socketio.Client()
+    query = f"client_id={found[1]}&tab_id=soak&document_id=soak&next_message_id=0"
+    client.connect(
+        f"{address}/?implicit_handshake=true&{query}",
+        socketio_path="/_nicegui_ws/socket.io",
+        transports=["websocket"],
+    )
+    taken: list[Any] = []
+    client.on("update", lambda *parts: taken.append(len(parts)))
+    try:
+        yield
+    finally:
+        client.disconnect()
+        if not taken:
+            raise SystemExit("the dashboard drew nothing")
+
+
+def _free_port() -> int:
+    return int(free_endpoint().rpartition(":")[2])
+
+
+def _text(soak: Soak, lived: float, uses: dict[str, list[Use]]) -> str:
+    head = ("process", "memory at 40 %", "memory at the end", "descriptors", "threads")
+    rows = []
+    for name, all_uses in uses.items():
+        early, late = _ends(all_uses)
+        memory = [f"{min(use.memory for use in part):.1f} MB" for part in (early, late)]
+        rest = [
+            " to ".join(f"{min(use[place] for use in part):g}" for part in (early, late))
+            for place in (1, 2)
+        ]
+        rows.append((name, *memory, *rest))
+    return (
+        f"{lived / 60:.0f} minutes of {_ROBOTS} robots, {soak.runs} runs, {soak.decisions}"
+        f" decisions.\n\n{table(head, rows)}"
+    )
+
+
+def _ends(uses: list[Use]) -> tuple[list[Use], list[Use]]:
+    start, count = round(_WARM * len(uses)), max(1, round(_PART * len(uses)))
+    return uses[start : start + count], uses[-count:]
+
+
+def _grown(uses: dict[str, list[Use]]) -> list[str]:
+    """Return what is not flat."""
+    found = []
+    for name, all_uses in uses.items():
+        early, late = _ends(all_uses)
+        for place, limit, unit in ((0, _MEMORY, "MB"), (1, _DESCRIPTORS, "descriptors")):
+            # the least: while peers come and go there are more for a moment, and a leak stays
+            more = min(use[place] for use in late) - min(use[place] for use in early)
+            if more > limit:
+                found.append(f"{name}: {more:.1f} {unit} more")
+    return found
+
+
+def main() -> None:
+    """Run it and print the table; `--write` puts it into docs/soak.md, too."""
+    arguments = sys.argv[1:]
+    minutes = float(arguments[arguments.index("--minutes") + 1]) if "--minutes" in arguments else 0
+    console, uses = Console(), dict[str, list[Use]]()
+    wanted = 0 if minutes else _RUNS
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory()))
+        soak = Soak(stack, folder)
+        first, told = soak.clock(), 0.0
+        while (lived := soak.clock() - first) < 60 * (minutes or _HOUR) or soak.runs < wanted:
+            soak.attend()
+            for name, pid in soak.pids.items():
+                uses.setdefault(name, []).append(use_of(pid))
+            if lived - told > 300.0:
+                told = lived
+                console.print(f"{lived / 60:.0f} min: {soak.runs} runs, {soak.decisions} decisions")
+            time.sleep(0.5)
+        text = _text(soak, lived, uses)
+    console.print(text)
+    if "--write" in arguments:
+        write_part(DOCS / "soak.md", "watchers", text)
+    if grown := _grown(uses):
+        raise SystemExit("; ".join(grown))
+
+
+if __name__ == "__main__":
+    main()

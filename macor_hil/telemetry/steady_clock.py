@@ -1,0 +1,18 @@
+"""The wall clock as it was when watching began, carried on by one that never jumps."""
+
+import time
+
+
+class SteadyClock:
+    """Reads the wall clock once; whoever sets it later does not move this one."""
+
+    def __init__(self) -> None:
+        self._zero = time.time_ns() - time.monotonic_ns()
+
+    def __call__(self) -> int:
+        """Return nanoseconds since 1970."""
+        return self._zero + time.monotonic_ns()
+
+    def seconds(self) -> float:
+        """Return the same in seconds."""
+        return self() * 1e-9
