@@ -25,7 +25,7 @@ FARTHEST: Final = 10.0
 """Metres from the origin, along each axis, within which everything stands."""
 
 MOST_SOLIDS: Final = 2000
-"""Stretches of walls and posts: a picture of so many takes a tenth of a second."""
+"""Stretches of walls, posts and things: a picture of so many takes two tenths of a second."""
 
 MOST_THINGS: Final = 100
 """Things to push, which are stepped 200 times a second."""
@@ -168,10 +168,11 @@ class Arena(_Part):
     @model_validator(mode="after")
     def _is_bounded(self) -> Self:
         stretches = sum(len(wall.points) - 1 for wall in self.wall)
-        if stretches + len(self.cylinder) > MOST_SOLIDS:
+        posts, things = len(self.cylinder), len(self.object)
+        if stretches + posts + things > MOST_SOLIDS:
             raise ValueError(
-                f"there are {stretches} stretches of walls and {len(self.cylinder)} posts, and"
-                f" {MOST_SOLIDS} of both are the most"
+                f"there are {stretches} stretches of walls, {posts} posts and {things} things, and"
+                f" {MOST_SOLIDS} of all are the most"
             )
         return self
 

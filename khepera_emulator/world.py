@@ -9,6 +9,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from khepera_emulator.arena import Arena, Cylinder, Lamp, Movable
+from khepera_emulator.errors import EmulatorError
 from khepera_emulator.geometry import FloorPlan, Scene, Surroundings
 from khepera_emulator.objects import Thing
 from khepera_emulator.solids import Box, Footprint
@@ -41,6 +42,20 @@ _FLOOR_THICKNESS = 0.1
 def _batched(parts: Sequence[_T], size: int) -> Iterator[Sequence[_T]]:
     """Cut a sequence into pieces of a size; the last one may be shorter."""
     return (parts[first : first + size] for first in range(0, len(parts), size))
+
+
+def _connect() -> int:
+    """Begin a physics client.
+
+    Raises:
+        EmulatorError: there are as many as PyBullet has room for.
+    """
+    client: int = pybullet.connect(pybullet.DIRECT)
+    if client < 0:
+        raise EmulatorError(
+            "PyBullet has no room for another world in this process; close some of its robots"
+        )
+    return client
 
 
 def hide(body: int, client: int, first: int = -1) -> None:
@@ -123,7 +138,7 @@ class World:
         self.arena = arena
         self.shared = shared
         self.plan = FloorPlan(arena)
-        self.client: int = pybullet.connect(pybullet.DIRECT)
+        self.client = _connect()
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
         pybullet.setTimeStep(PHYSICS_PERIOD, physicsClientId=self.client)
         self.floor = self._add_floor()

@@ -10,15 +10,21 @@ Importing this module registers two ids with Gymnasium, and does nothing else:
 An episode begins with a seeded reset of the emulated robot, ends (terminated) with a collision as
 the robot's own sensors tell it, and is cut (truncated) after 40 steps. On a physical robot (any
 other port, with a camera of its own) it begins after backing off from where the last one ended.
+
+A physical robot stands whenever `step` is not running, and after whatever ends a step: an error,
+Ctrl-C, SIGTERM, SIGHUP. It is stopped when the environment is closed, forgotten, or the
+interpreter ends.
 """
 
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from enum import StrEnum
-from typing import Any, TypeVar
+from numbers import Real
+from typing import Any, Final, TypeVar
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from macor_hil.cameras import Frame
@@ -30,7 +36,6 @@ from macor_hil.drive import (
     DriveSettings,
     MotorCommand,
     Outcome,
-    is_touching,
 )
 from macor_hil.errors import MacorError
 from macor_hil.hardware import is_embedded, open_hardware
@@ -38,8 +43,16 @@ from macor_hil.reinforcement import Reinforcement
 from macor_hil.trials import MAX_COMMANDS, Spread
 from macor_hil.vision.receptive_fields import ReceptiveFields
 from macor_hil.vision.unwrap import PanoramaSize, Unwrapper
+from macor_hil.watchdog import stopped_after
 from protocol.mirror import Mirror
 from protocol.side_channel import Pose, Reset
+from protocol.text import printable
+
+LONGEST_HOLD: Final = 0.5
+"""Seconds beyond a step for which a physical robot may hold its wheel speeds."""
+
+_SHOWN: Final = 60
+"""Characters of a value that an error shows."""
 
 _E = TypeVar("_E", bound=StrEnum)
 
@@ -126,18 +139,20 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
             options: `pose` (x, y, heading; metres and radians) puts an emulated robot there.
 
         Raises:
-            MacorError: the robot, its camera or its emulator fails, or the pose is not free.
+            MacorError: the robot, its camera or its emulator fails, there is no such option, or
+                the pose is not free or not inside the walls.
         """
-        super().reset(seed=seed)
+        pose = _pose_of(options)
         bench = self._hardware.bench
+        if bench is None and pose is not None:
+            raise MacorError("the option 'pose' needs an emulated robot: nobody carries this one")
+        super().reset(seed=seed)
         if bench is None:
             self._driver.back_off(int(self.np_random.integers(3, 9)))
         else:
             chance = int(self.np_random.integers(2**31))
-            pose = (options or {}).get("pose")
             if pose is not None:
-                x, y, heading = map(float, pose)
-                bench.reset(Reset(pose=Pose(x=x, y=y, heading=heading), seed=chance))
+                bench.reset(Reset(pose=pose, seed=chance))
             elif self._start is Start.ARENA:
                 start = bench.reset(Reset(seed=chance)).pose
                 bench.reset(Reset(pose=Spread().draw(start, self.np_random)))
@@ -152,6 +167,7 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
         """Drive one action; returns observation, reward, terminated, truncated and info.
 
         Raises:
+            InvalidAction: the action is not in the action space; the robot does not move.
             MacorError: the robot or its camera fails.
         """
         command, outcome = self._act(action)
@@ -211,45 +227,63 @@ class CommandsEnv(KheperaEnv):
         self.action_space = spaces.Discrete(len(COMMANDS))
 
     def _act(self, action: Any) -> tuple[MotorCommand, Outcome]:
+        if not self.action_space.contains(action):
+            raise InvalidAction(
+                f"the action {_shown(action)} is none of 0 (left), 1 (right) and 2 (straight on)"
+            )
         command = COMMANDS[int(action)]
         return command, self._driver.execute(command)
 
 
 class WheelsEnv(KheperaEnv):
-    """Actions are wheel speeds, left and right, in m/s.
+    """Actions are wheel speeds, left and right, in m/s: two real numbers of any kind.
 
     A step ends with the first infrared reading after the time that a command of the paper takes at
     full speed. The wheels turn on from one step to the next, but for a physical robot: nobody
-    knows how long its learner thinks, so it stands.
+    knows how long its learner thinks, so it stands. Should anything keep a step from its end, a
+    thread stops the robot (`LONGEST_HOLD`).
     """
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self._unit = self._drive.wheels.left / 0.010  # m/s of one count / 10 ms
         top = np.float32(self._drive.speed * self._unit)
-        self._period = STRAIGHT.way / float(top)
+        self._top = float(top)
+        self._period = STRAIGHT.way / self._top
         self.action_space = spaces.Box(-top, top, (2,), np.float32)
 
     def _act(self, action: Any) -> tuple[MotorCommand, Outcome]:
-        robot, settings = self._hardware.robot, self._drive
-        limit = settings.speed
-        left, right = (max(-limit, min(limit, round(float(v) / self._unit))) for v in action)
-        robot.set_speed(left, right)
-        end = robot.clock() + self._period
-        while True:
-            proximity = robot.proximity()
-            collided = is_touching(proximity, settings)
-            if collided or robot.clock() >= end:
-                break
-        if collided or not self._thinking_is_free:
-            robot.stop()
+        left, right = (round(float(v) / self._unit) for v in self._speeds(action))
+        alone = self._thinking_is_free
+        limit = nullcontext() if alone else self._limit()
+        with limit:
+            outcome = self._driver.hold(left, right, self._period, roll_on=alone)
         left_way, right_way = (speed * self._unit * self._period for speed in (left, right))
         command = MotorCommand(
             "wheels",
-            turn=(right_way - left_way) / settings.wheels.base,
+            turn=(right_way - left_way) / self._drive.wheels.base,
             way=(left_way + right_way) / 2,
         )
-        return command, Outcome(collided, proximity, robot.counters())
+        return command, outcome
+
+    def _limit(self) -> AbstractContextManager[None]:
+        return stopped_after(self._hardware.robot.port, self._period + LONGEST_HOLD)
+
+    def _speeds(self, action: Any) -> NDArray[np.float32]:
+        """The speeds of an action, which need not be of the space's own type of number."""
+        try:
+            given = np.asarray(action)
+        except (TypeError, ValueError):  # such as lists of several lengths
+            given = np.array(None)
+        if given.dtype.kind in "iuf":
+            with np.errstate(over="ignore"):  # infinity is out of bounds as well
+                speeds = given.astype(np.float32)
+            if self.action_space.contains(speeds):
+                return speeds
+        top = f"{self._top:g}"
+        raise InvalidAction(
+            f"the action {_shown(action)} is not two speeds from -{top} to {top} m/s"
+        )
 
 
 def graded(reinforcement: Reinforcement, command: MotorCommand, collided: bool) -> float:
@@ -272,6 +306,31 @@ def _one_of(kind: type[_E], name: str) -> _E:
         raise MacorError(
             f"there is no {kind.__name__.lower()} {name!r}; there are {', '.join(kind)}"
         ) from None
+
+
+def _pose_of(options: dict[str, Any] | None) -> Pose | None:
+    """Return the pose that the options of a reset ask for."""
+    if options is not None and not isinstance(options, dict):
+        raise MacorError(f"the options of a reset are a dictionary, not {_shown(options)}")
+    for name in options or {}:
+        if name != "pose":
+            raise MacorError(f"a reset has no option {_shown(name)}; there is 'pose'")
+    given = (options or {}).get("pose")
+    if given is None:
+        return None
+    try:
+        x, y, heading = given
+        if not all(isinstance(value, Real) for value in (x, y, heading)):
+            raise ValueError
+        return Pose(x=float(x), y=float(y), heading=float(heading))
+    except (TypeError, ValueError, OverflowError):
+        raise MacorError(
+            f"the pose {_shown(given)} is not x, y and heading, in metres and radians"
+        ) from None
+
+
+def _shown(value: object) -> str:
+    return printable(repr(value), _SHOWN)
 
 
 def _rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

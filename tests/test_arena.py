@@ -82,6 +82,12 @@ def test_every_solid_stands_in_the_world(name):
     assert len(parts) == len(world.plan.boxes) + len(world.plan.posts)
 
 
+def test_a_world_too_many_is_refused(monkeypatch):
+    monkeypatch.setattr(pybullet, "connect", lambda _: -1)
+    with pytest.raises(EmulatorError, match="no room for another world in this process"):
+        World(load_arena("corridor"))
+
+
 def test_the_mirror_image_of_the_corridor_is_one():
     arena, other = load_arena("corridor"), load_arena("corridor-mirror")
     assert other.start == arena.start

@@ -5,14 +5,17 @@ import sys
 import warnings
 from pathlib import Path
 
+import cv2
 import gymnasium
 import numpy as np
 import pytest
 from emulator_process import PATIENCE
+from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
+from rig import rig
 
 from macor_hil.drive import COMMANDS, MotorCommand
-from macor_hil.environment import Observation, Start, graded
+from macor_hil.environment import LONGEST_HOLD, Observation, Start, graded
 from macor_hil.errors import MacorError
 from macor_hil.reinforcement import Reinforcement
 
@@ -69,6 +72,100 @@ def test_episodes_differ_until_the_seed_is_given_again(env):
 def test_a_pose_can_be_asked_for(env):
     _, info = env.reset(seed=1, options={"pose": (0.3, 0.0, 1.0)})
     assert info["pose"] == pytest.approx((0.3, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"place": (0.3, 0.0, 1.0)}, "no option 'place'; there is 'pose'"),
+        ({"pose": (0.3, 0.0, 1.0), "seed": 1}, "no option 'seed'"),
+        ({3: 4}, "no option 3"),
+        ([("pose", (0.3, 0.0, 1.0))], "are a dictionary"),
+        ({"pose": (0.3, 0.0)}, r"the pose \(0.3, 0.0\) is not x, y and heading"),
+        ({"pose": (0.3, 0.0, "1")}, "is not x, y and heading"),
+        ({"pose": 0.3}, "the pose 0.3 is not x, y and heading"),
+        ({"pose": (0.3, 0.0, np.nan)}, "is not x, y and heading"),
+        ({"pose": (10**400, 0.0, 0.0)}, "is not x, y and heading"),
+        ({"pose": (1e308, 0.0, 0.0)}, "x="),
+        ({"pose": (11.0, 0.0, 0.0)}, "x=11 m, y=0 m is in no arena"),
+        ({"pose": (0.3, 0.0, 7.0)}, "the heading 7 is no angle"),
+        ({"pose": (0.3, 0.12, 0.0)}, "no room for the robot at x=0.300 m, y=0.120 m"),
+        ({"pose": (0.3, 0.6, 0.0)}, "x=0.300 m, y=0.600 m is outside the walls of the arena"),
+    ],
+)
+def test_wrong_options_are_refused_and_change_nothing(env, options, message):
+    if options == {"pose": (1e308, 0.0, 0.0)}:
+        message = "x=|is not x, y and heading"  # by whoever sees it first
+    env.reset(seed=1, options={"pose": (0.3, 0.0, 1.0)})
+    before = env.unwrapped._hardware.bench.truth()
+    with pytest.raises(MacorError, match=message) as caught:
+        env.unwrapped.reset(seed=2, options=options)
+    assert str(caught.value).isprintable()
+    assert env.unwrapped._hardware.bench.truth() == before
+
+
+def test_no_options_are_as_good_as_none(env):
+    for options in (None, {}, {"pose": None}):
+        env.reset(seed=1, options=options)
+    _, info = env.reset(seed=1, options={"pose": np.array([0.3, 0.0, 1.0], np.float32)})
+    assert info["pose"] == pytest.approx((0.3, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    "action", [-1, 3, 1.0, np.nan, None, "0", [0], np.array([1]), np.array(1.0), 10**30]
+)
+def test_a_command_that_is_none_is_refused(env, action):
+    env.reset(seed=1)
+    before = env.unwrapped._hardware.bench.truth()
+    with pytest.raises(InvalidAction, match=r"the action .* is none of 0 \(left\)"):
+        env.unwrapped.step(action)
+    assert env.unwrapped._hardware.bench.truth() == before
+    for good in (0, np.int64(1), np.array(2)):
+        env.step(good)
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        [np.nan, 0.0],
+        [np.inf, 0.0],
+        [0.0, -0.161],
+        [0.0, 1e308],
+        [0.1],
+        [0.1, 0.1, 0.1],
+        [[0.1, 0.1]],
+        [0.1, [0.1]],
+        0.1,
+        None,
+        ["0.1", "0.1"],
+        [0.1, None],
+        [0.1j, 0.0],
+        [True, False],
+        np.array([10**20, 0]),
+        "stop\x1b[2J",
+    ],
+)
+def test_wheel_speeds_outside_the_space_are_refused(action):
+    with make(IDS[1]) as env:
+        env.reset(seed=1)
+        before = env.unwrapped._hardware.bench.truth()
+        with pytest.raises(InvalidAction, match=r"not two speeds from -0\.16 to 0\.16") as caught:
+            env.unwrapped.step(action)
+        assert str(caught.value).isprintable()
+        assert env.unwrapped._hardware.bench.truth() == before
+
+
+@pytest.mark.parametrize("kind", [list, tuple, np.float64, np.float32, np.float16])
+def test_wheel_speeds_of_any_real_type_are_driven(kind):
+    speeds = [0.12, -0.08]
+    action = kind(speeds) if kind in (list, tuple) else np.array(speeds, kind)
+    with make(IDS[1]) as env, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env.reset(seed=1)
+        env.unwrapped.step(action)
+        left, right = env.unwrapped._hardware.robot.request("E").values
+    assert left == pytest.approx(15, abs=1)
+    assert right == pytest.approx(-10, abs=1)
 
 
 def test_starts_near_the_arenas_own_are_near_each_other():
@@ -177,6 +274,103 @@ def test_the_robot_stands_when_the_environment_is_closed():
     emulator.close = close
     env.close()
     assert at_the_end == pytest.approx([0.0], abs=1e-3)
+
+
+A_LEARNER = """
+import os, signal, sys, threading, time
+import gymnasium, numpy as np
+from macor_hil.robot import Khepera
+env = gymnasium.make(
+    "macor_hil.environment:khepera/Wheels-v0", port=sys.argv[1], camera=f"images:{{sys.argv[2]}}"
+)
+env.reset(seed=1)
+spin = np.array([-0.16, 0.16], np.float32)
+looks = Khepera.proximity
+def trouble(what):
+    # in the middle of the third step
+    times = iter(range(10**6))
+    def look(robot):
+        if next(times) == 8:
+            print("trouble", flush=True)
+            what()
+        return looks(robot)
+    Khepera.proximity = look
+def kill(number):
+    return lambda: (os.kill(os.getpid(), number), time.sleep(60))
+{}
+while True:
+    env.step(spin)
+"""
+"""A program of somebody's own that holds wheel speeds, without any care for its end."""
+
+ENDINGS = {
+    "an exception": "trouble(lambda: 1 / 0)",
+    "an exit": "trouble(sys.exit)",
+    "Ctrl-C": "trouble(kill(signal.SIGINT))",
+    "SIGTERM": "trouble(kill(signal.SIGTERM))",
+    "a closed terminal": "trouble(kill(signal.SIGHUP))",
+    "a cell of a notebook that was interrupted": (
+        "trouble(kill(signal.SIGINT))\n"
+        "try:\n"
+        "    while True: env.step(spin)\n"
+        "except KeyboardInterrupt: time.sleep(60)"
+    ),
+    "a cell of a notebook that failed": (
+        "trouble(lambda: 1 / 0)\n"
+        "try:\n"
+        "    while True: env.step(spin)\n"
+        "except ZeroDivisionError: time.sleep(60)"
+    ),
+    "forgetting": "env.step(spin); print('trouble', flush=True); del env; time.sleep(60)",
+    "thinking": "env.step(spin); print('trouble', flush=True); time.sleep(60)",
+}
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory):
+    """A folder of pictures, as many as steps are ever driven."""
+    folder = tmp_path_factory.mktemp("pictures")
+    with make(observation="mirror") as env:
+        seen, _ = env.reset(seed=1)
+    for number in range(40):
+        cv2.imwrite(str(folder / f"{number:03}.png"), seen)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    with rig(tmp_path_factory.mktemp("bench"), relay=False, baud=9600) as running:
+        yield running
+
+
+def learns_until(bench, pictures, trouble):
+    bench.make_ready()
+    script = A_LEARNER.format(trouble)
+    learner = bench.start([sys.executable, "-c", script, str(bench.link), str(pictures)])
+    learner.wait_for(lambda lines: "trouble" in lines)
+
+
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("trouble", ENDINGS.values(), ids=ENDINGS)
+def test_a_robot_stands_whatever_ends_a_step(bench, pictures, trouble):
+    assert bench.stops_within(0.5, lambda: learns_until(bench, pictures, trouble))
+
+
+@pytest.mark.wall_clock
+def test_a_step_that_never_ends_does_not_hold_the_wheels_speeds(bench, pictures):
+    stuck = "trouble(lambda: time.sleep(60))"
+    period = 0.13
+    limit = period + LONGEST_HOLD + 0.5
+    assert bench.stops_within(limit, lambda: learns_until(bench, pictures, stuck))
+
+
+@pytest.mark.wall_clock
+def test_a_step_that_was_kept_from_its_end_goes_on(bench, pictures):
+    late = "trouble(lambda: time.sleep(1.0)); [env.step(spin) for _ in range(5)]; print('done')"
+    bench.make_ready()
+    script = A_LEARNER.format(late + "; sys.exit(0)")
+    learner = bench.start([sys.executable, "-c", script, str(bench.link), str(pictures)])
+    assert learner.end() == "done"
 
 
 def test_the_example_trains_and_scores_a_learner():

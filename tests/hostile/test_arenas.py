@@ -278,14 +278,16 @@ def live(robots, seed):
 def test_places_out_of_bounds_are_refused_and_nothing_changes(hostile):
     robot = make_fleet(Setup(load_arena("corridor"), baud=None), 1)[0]
     before = robot.truth().pose
-    wild = st.floats(allow_nan=False, allow_infinity=False) | st.floats(-2, 2)
+    wild = st.floats() | st.floats(-2, 2)
 
     @settings(max_examples=hostile.examples(150))
     @given(wild, wild, wild, st.none() | st.integers(0, 2**70), st.booleans())
     def refused_or_within(x, y, heading, seed, anew):
         hostile.count("arenas: places")
-        pose = Pose(x=x, y=y, heading=heading)
-        said = refusal(robot.reset, Reset(pose=pose, seed=seed if anew else None))
+        # without the payloads' own checks: the emulator has its own
+        pose = Pose.model_construct(x=x, y=y, heading=heading)
+        wanted = Reset.model_construct(pose=pose, random=False, seed=seed if anew else None)
+        said = refusal(robot.reset, wanted)
         assert said.isprintable()
         if said:
             assert robot.truth().pose == before
