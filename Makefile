@@ -6,7 +6,7 @@
 #   make soak-service     an hour of service under random faults, ten times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
-#   make stop-times       how long the robot rolls on when it must stop (ten minutes)
+#   make stop-times       how long the robot rolls on when it must stop (an hour)
 
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
 VENV := .venv

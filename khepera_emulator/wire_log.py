@@ -6,11 +6,14 @@ can be read; times are seconds on the robot's clock.
 
 import json
 import logging
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from fcntl import LOCK_EX, LOCK_NB, flock
 from itertools import count
 from pathlib import Path
+from stat import S_ISREG
 from types import MappingProxyType, TracebackType
 from typing import Any, BinaryIO, Final, Literal, Self
 from urllib.parse import quote, urlencode
@@ -92,7 +95,11 @@ class WireLog:
     def __init__(self, path: Path, url: str) -> None:
         try:
             # a line at a time: a killed emulator leaves whole ones
-            self._file = path.open("w", buffering=1, encoding="ascii", newline="\n")
+            self._file = open(  # noqa: SIM115 - Path.open knows no opener
+                path, "w", buffering=1, encoding="ascii", newline="\n", opener=_open_alone
+            )
+        except BlockingIOError:
+            raise EmulatorError(f"cannot record to {path}: another emulator does") from None
         except OSError as error:
             raise EmulatorError(f"cannot record to {path}: {error.strerror}") from None
         self._path = path
@@ -161,6 +168,19 @@ class WireLog:
     def _close(self) -> None:
         with suppress(OSError):  # what is left of a line that there is no room for
             self._file.close()
+
+
+def _open_alone(path: str, flags: int) -> int:
+    """Open a file that nobody else writes as a log, and only then empty it."""
+    handle = os.open(path, flags & ~os.O_TRUNC | os.O_CLOEXEC, 0o666)
+    try:
+        flock(handle, LOCK_EX | LOCK_NB)
+        if S_ISREG(os.fstat(handle).st_mode):
+            os.ftruncate(handle, 0)
+    except BaseException:
+        os.close(handle)
+        raise
+    return handle
 
 
 def robot_url(arena: str, options: Iterable[tuple[str, str]]) -> str:

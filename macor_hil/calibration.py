@@ -35,6 +35,13 @@ _POSSIBLE: Final = 0.2
 """Share by which wheels may differ from a Khepera's nominal ones: clients of real robots differ by
 4 % on the way of a count and by 8 % on the base."""
 
+_REST: Final = 0.05
+"""Share of a straight line's length by which wheels may leave ends unexplained; slip of the wheels
+leaves 1 to 2 %."""
+
+_LEAST_REST: Final = 0.01
+"""Metres by which they always may: what a hand with a ruler measures by."""
+
 _LEAST_ROOM: Final = 0.05
 """Metres by which an end may always be beside where the move leads."""
 
@@ -211,7 +218,7 @@ def fit_wheels(runs: Sequence[Run], assumed: Wheels) -> Calibration:
     _check_possible(wheels)
     ratio = wheels.right / wheels.left
     across = np.array([-1.0, 1.0, 0.0])
-    return Calibration(
+    result = Calibration(
         wheels,
         ratio,
         ratio_error=float(np.sqrt(across @ covariance @ across)) * ratio,
@@ -219,6 +226,9 @@ def fit_wheels(runs: Sequence[Run], assumed: Wheels) -> Calibration:
         before=_apart(runs, assumed),
         after=_apart(runs, wheels),
     )
+    if not result.after <= max(_LEAST_REST, _REST * lever):
+        raise _unexplained(f"with the best ones odometry is {1000 * result.after:.0f} mm off; ")
+    return result
 
 
 def _least_squares(
@@ -240,9 +250,13 @@ def _least_squares(
             return found, rest, slopes
         if not (found.min() > 0.1 and found.max() < 10.0):  # nor for what is not a number
             break
-    raise CalibrationError(
-        "no wheels explain where the moves ended; did the robot touch something, or was an end"
-        " measured from another mark?"
+    raise _unexplained()
+
+
+def _unexplained(how_far: str = "") -> CalibrationError:
+    return CalibrationError(
+        f"no wheels explain where the moves ended; {how_far}did the robot touch something, or was"
+        " an end measured from another mark?"
     )
 
 

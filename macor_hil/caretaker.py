@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from macor_hil.cameras import Camera
+from macor_hil.cameras.checks import CheckedCamera, is_hopeless
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.robot import Khepera
 
@@ -23,7 +23,7 @@ class Caretaker:
     """
 
     def __init__(
-        self, robot: Khepera, camera: Camera, ask: Ask | None = None, patience: float = 30.0
+        self, robot: Khepera, camera: CheckedCamera, ask: Ask | None = None, patience: float = 30.0
     ) -> None:
         self._robot = robot
         self._camera = camera
@@ -34,8 +34,10 @@ class Caretaker:
         """Stop the robot, and wait until it and its camera work again.
 
         Raises:
-            RobotError, CameraError: they do not, and nobody can help.
+            RobotError, CameraError: they do not, and nobody can help; or the camera never worked.
         """
+        if is_hopeless(error, self._camera):
+            raise error
         while True:
             try:
                 self._robot.recover(self._patience)

@@ -70,17 +70,21 @@ class DemoSettings:
         return f" --connect {self.controller} --connect {self.emulator}"
 
 
-def endpoint(usual: str) -> str:
-    """Return an endpoint on this machine, or another port of it where somebody listens already."""
+@contextmanager
+def reserved(usual: str) -> Iterator[str]:
+    """Keep an endpoint on this machine for whoever listens there within the context.
+
+    It has another port than the usual one where that is in use, or was a minute ago.
+    """
     host, _, port = usual.removeprefix("tcp/").rpartition(":")
-    with socket.socket() as probe:
-        # a connection that has just ended is no listener
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    with socket.socket() as held:
         try:
-            probe.bind((host, int(port)))
+            held.bind((host, int(port)))
         except OSError:
-            probe.bind((host, 0))
-        return f"tcp/{host}:{probe.getsockname()[1]}"
+            held.bind((host, 0))
+        # it does not listen, and whoever says the same may bind it, too: Zenoh, but no other demo
+        held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        yield f"tcp/{host}:{held.getsockname()[1]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +173,8 @@ def _announced_port(process: subprocess.Popen[bytes], said: IO[bytes]) -> str:
 
 def _last_words(said: IO[bytes]) -> str:
     said.seek(max(0, said.seek(0, os.SEEK_END) - _LAST_WORDS))
-    return printable(said.read().strip()) or "it said nothing"
+    lines = said.read().strip().splitlines()
+    return printable(lines[-1]) if lines else "it said nothing"
 
 
 def _drive(

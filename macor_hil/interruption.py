@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and a closed terminal: one KeyboardInterrupt that can be held back.
+"""Ctrl-C, SIGTERM, a closed terminal: one KeyboardInterrupt that can be held back.
 
 A program takes the signals over with an `Interruption`. In a library (a notebook, a learner of
 one's own) they stay its owner's; `unwind_on_signals` only keeps them from ending the process
@@ -7,13 +7,18 @@ without a stop of the robot, and `undisturbed` holds them back while the robot i
 
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
 from types import FrameType
 from typing import Final, Self
 
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What tells a program to end."""
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""What tells a program to end: the keys Ctrl-C and Ctrl-\\, `kill`, a closed terminal."""
+
+_ORDERLY: Final = 1.0
+"""Seconds after an interrupt for which no other one comes."""
 
 _KILLED: Final = 128
 """Exit status of a process that a signal ended, less the signal's number."""
@@ -22,8 +27,9 @@ _KILLED: Final = 128
 class Interruption:
     """Raises KeyboardInterrupt wherever the main thread waits when the process is told to end.
 
-    The first signal holds back all later ones, so that whoever was interrupted can put things
-    in order undisturbed, until `release`. Outside the main thread it does nothing. SIGINT is taken
+    The first signal holds back those of the next second, so that whoever was interrupted can put
+    things in order undisturbed; later ones raise again, because a KeyboardInterrupt may get lost.
+    `hold` holds back all until `release`. Outside the main thread it does nothing. SIGINT is taken
     over even where a shell has it ignored (a script's background job), SIGHUP is not (`nohup`).
 
     Args:
@@ -39,6 +45,7 @@ class Interruption:
         self.kept = ""
         self._told = told
         self._held = False
+        self._raised = -inf
         self._before: dict[signal.Signals, signal._HANDLER] = {}
 
     def __enter__(self) -> Self:
@@ -74,11 +81,13 @@ class Interruption:
     def release(self) -> None:
         """Let signals through again."""
         self._held = False
+        self._raised = -inf
 
     def _come(self, number: int, _: FrameType | None) -> None:
         self.name = self.name or signal.Signals(number).name
-        if not self._held:
-            self._held = True
+        now = time.monotonic()
+        if not self._held and now - self._raised > _ORDERLY:
+            self._raised = now
             raise KeyboardInterrupt
 
 
@@ -126,14 +135,14 @@ def undisturbed() -> Iterator[None]:
 
 
 def unwind_on_signals() -> None:
-    """Let SIGTERM and SIGHUP end the process by SystemExit where they would kill it at once.
+    """Let signals end the process by SystemExit where they would kill it at once.
 
     Then contexts, destructors and exit handlers run, and stop the robot. Handlers that are there
     already stay, and so does this one.
     """
     if not _in_main_thread():
         return
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in SIGNALS:
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _exit)
 

@@ -13,7 +13,7 @@ import numpy as np
 from macor_hil.agent import Agent, Step
 from macor_hil.brain import Brain
 from macor_hil.cameras import Camera
-from macor_hil.cameras.checks import CheckedCamera, limits_for
+from macor_hil.cameras.checks import CheckedCamera, is_hopeless, limits_for
 from macor_hil.cameras.watch import CameraWatch
 from macor_hil.drive import LONGEST_WAY, Driver, DriveSettings, all_of
 from macor_hil.errors import CameraError, MacorError, RobotError
@@ -142,13 +142,14 @@ class LiveRun:
                 return Ending.COLLISION
         return Ending.COMMANDS
 
-    def _get_over(self, error: MacorError, hardware: Hardware, camera: Camera) -> None:
+    def _get_over(self, error: MacorError, hardware: Hardware, camera: CheckedCamera) -> None:
         """Stop, wait until robot and camera work again, and know where that leaves the robot.
 
         Raises:
             RobotError, CameraError: they do not in time; or nothing but failures comes.
         """
-        if self._config.recovery <= 0.0 or self._interruption.name:
+        is_told_to_end = self._config.recovery <= 0.0 or self._interruption.name
+        if is_told_to_end or is_hopeless(error, camera):
             raise error
         robot = hardware.robot
         self._in_a_row += 1

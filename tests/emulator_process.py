@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 COMMAND = (sys.executable, "-m", "khepera_emulator.cli", "run")
 PATIENCE = 30.0
@@ -17,9 +18,13 @@ PATIENCE = 30.0
 class EmulatorProcess:
     """A running emulator; `announcement` is the line it printed, `path` its terminal."""
 
-    def __init__(self, *options: str) -> None:
+    def __init__(self, *options: str, **popen: Any) -> None:
         self.process = subprocess.Popen(
-            [*COMMAND, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [*COMMAND, *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            **popen,
         )
         self.announcement = self.process.stdout.readline().rstrip("\n")
         if not self.announcement:
@@ -35,8 +40,8 @@ class EmulatorProcess:
 
 
 @contextmanager
-def emulator(*options: str) -> Iterator[EmulatorProcess]:
-    running = EmulatorProcess(*options)
+def emulator(*options: str, **popen: Any) -> Iterator[EmulatorProcess]:
+    running = EmulatorProcess(*options, **popen)
     try:
         yield running
     finally:

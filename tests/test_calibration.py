@@ -3,16 +3,22 @@
 import re
 import subprocess
 import sys
-from math import pi
+from contextlib import suppress
+from dataclasses import replace
+from math import inf, nan, pi
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from macor_hil.calibration import Run, drive_all, fit_wheels, moves
+from macor_hil.calibration import Move, Run, drive_all, drive_move, fit_wheels, moves
 from macor_hil.drive import Driver
+from macor_hil.errors import CalibrationError
 from macor_hil.hardware import open_hardware
-from macor_hil.odometry import Wheels
+from macor_hil.odometry import Wheels, integrate
 from macor_hil.profile import load_profile
 from macor_hil.rulers import BenchRuler, Hands
+from protocol.side_channel import Pose, Reset
 from protocol.units import PULSE, WHEEL_BASE
 
 FLOOR = """
@@ -77,15 +83,109 @@ def test_ends_without_a_heading_will_do():
             left, right = Wheels().counts(way, turn)
             total = [total[0] + left, total[1] + right]
             counters.append((round(total[0]), round(total[1])))
-        plain = Run(move.name, tuple(counters), (0.0, 0.0, None))
-        from macor_hil.calibration import _reckoned
-
-        end = _reckoned(plain, true)
+        end = where(counters, true)
         runs.append(Run(move.name, tuple(counters), (end.x, end.y, None)))
     found = fit_wheels(runs, Wheels())
     assert found.wheels.left == pytest.approx(true.left, rel=1e-4)
     assert found.wheels.right == pytest.approx(true.right, rel=1e-4)
     assert found.wheels.base == pytest.approx(true.base, rel=1e-3)
+
+
+def ideal_runs(side, wheels, times=1):
+    """Runs of a robot of these wheels that meets every target of nominal ones."""
+    runs = []
+    for move in moves(side):
+        counters, total = [], [0.0, 0.0]
+        for way, turn in move.legs:
+            total = [t + c for t, c in zip(total, Wheels().counts(way, turn), strict=True)]
+            counters.append((round(total[0]), round(total[1])))
+        end = where(counters, wheels)
+        runs.append(Run(move.name, tuple(counters), (end.x, end.y, end.heading)))
+    return runs * times
+
+
+def where(counters, wheels):
+    pose, before = Pose(x=0.0, y=0.0, heading=0.0), (0, 0)
+    for after in counters:
+        pose, before = integrate(pose, before, after, wheels), after
+    return pose
+
+
+@pytest.mark.parametrize(
+    ("wheels", "says"),
+    [
+        (Wheels(PULSE, PULSE, 0.0178), "base|no wheels"),
+        (Wheels(PULSE * 1.5, PULSE * 1.5, WHEEL_BASE * 1.5), "left wheel"),
+        (Wheels(PULSE, PULSE * 0.7, WHEEL_BASE), "right wheel|no wheels"),
+    ],
+)
+def test_wheels_that_no_khepera_has_are_refused(wheels, says):
+    with pytest.raises(CalibrationError, match=says):
+        fit_wheels(ideal_runs(0.5, wheels), Wheels())
+
+
+coordinates = st.floats(-2.0, 2.0) | st.just(0.0)
+
+
+@given(
+    st.lists(
+        st.tuples(coordinates, coordinates, st.none() | st.floats(-pi, pi)), min_size=5, max_size=5
+    )
+)
+def test_a_fit_ends_with_possible_wheels_or_an_error_wherever_moves_ended(ends):
+    runs = [replace(run, end=end) for run, end in zip(ideal_runs(0.5, Wheels()), ends, strict=True)]
+    with suppress(CalibrationError):
+        wheels = fit_wheels(runs, Wheels()).wheels
+        assert wheels.left == pytest.approx(PULSE, rel=0.21)
+        assert wheels.right == pytest.approx(PULSE, rel=0.21)
+        assert wheels.base == pytest.approx(WHEEL_BASE, rel=0.21)
+
+
+@pytest.mark.parametrize(
+    ("end", "says"),
+    [
+        ((nan, 0.0, None), "finite"),
+        ((0.5, inf, None), "finite"),
+        ((0.5, 0.0, nan), "finite"),
+        ((-0.5, 0.0, None), "1000 mm from where the move leads, 500 0"),
+        ((0.5, 0.0, 4.0), "between -180 and 180"),
+    ],
+)
+def test_ends_that_cannot_be_are_refused(end, says):
+    with pytest.raises(CalibrationError, match=says):
+        moves(0.5)[0].check_end(end)
+    moves(0.5)[0].check_end((0.45, -0.05, None))
+
+
+def test_a_robot_in_whose_way_something_is_says_so_and_stands():
+    with open_hardware("khepera://open-box?seed=1", baud=38400) as hardware:
+        hardware.bench.reset(Reset())
+        with pytest.raises(CalibrationError, match=r"straight: leg 1 of 1 ended early.*free floor"):
+            drive_move(Driver(hardware.robot), Move("straight", ((2.0, 0.0),)))
+        hardware.robot.halt()
+        assert abs(hardware.bench.truth().pose.x) < 0.5
+
+
+def test_an_arena_without_room_for_the_course_says_so(tmp_path):
+    done = calibrate_by_command("--port", "khepera://corridor?seed=1", folder=tmp_path)
+    assert done.returncode == 2
+    assert re.search("needs more room|needs free floor", done.stderr)
+    assert not (tmp_path / "robot.json").exists()
+
+
+def test_the_default_course_has_room_where_it_is_driven(tmp_path):
+    done = calibrate_by_command("--runs", "1", "--baud", "38400", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    wheels = load_profile(tmp_path / "robot.json").wheels
+    assert wheels.base == pytest.approx(WHEEL_BASE, rel=0.02)
+    assert [path.name for path in tmp_path.iterdir()] == ["robot.json"]
+
+
+def calibrate_by_command(*options, folder):
+    command = [sys.executable, "-m", "macor_hil.cli", "calibrate", "--profile", "robot.json"]
+    return subprocess.run(
+        [*command, *options], cwd=folder, capture_output=True, text=True, timeout=100, check=False
+    )
 
 
 def test_hands_ask_until_they_get_numbers():

@@ -128,6 +128,13 @@ def test_links_lead_somewhere(page):
         assert (page.parent / target).exists(), target
 
 
+@pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
+def test_no_example_leaves_a_robot_driving(page):
+    for block in blocks(page):
+        speeds = re.findall(r"D,(-?\d+),(-?\d+)", block.text)
+        assert not speeds or speeds[-1] == ("0", "0"), f"line {block.line}"
+
+
 def test_every_page_is_in_the_index():
     index = (ROOT / "docs" / "README.md").read_text("utf-8")
     linked = set(re.findall(r"\]\(([\w-]+\.md)\)", index))

@@ -1,12 +1,14 @@
 """No way out of a drive leaves the wheels turning: the driver's own promise."""
 
 import signal
+from math import hypot, pi
 
 import pytest
 
-from macor_hil.drive import STRAIGHT, Driver
+from macor_hil.drive import LEASH, STRAIGHT, Driver
 from macor_hil.errors import RobotError
 from macor_hil.hardware import open_hardware
+from protocol.units import PULSE
 
 PORT = "khepera://open-box?seed=1&drift=none"
 STANDING = 0.004
@@ -59,6 +61,7 @@ WAYS = {
     "a command": lambda driver: driver.execute(STRAIGHT),
     "a way back": lambda driver: driver.back_off(1),
     "a turn": lambda driver: driver.turn(3.0),
+    "a leg": lambda driver: driver.leg(5.0, 0.0),
     "a speed": lambda driver: driver.hold(10, 10, 2.0),
 }
 
@@ -73,6 +76,28 @@ def test_what_is_raised_in_mid_drive_finds_a_robot_that_stands(hardware, way, fa
         way(drive.driver)
     assert drive.failed == 1
     assert drive.stands()
+
+
+def test_a_leg_is_driven_to_its_end_and_its_target_is_never_far_ahead(hardware):
+    drive = Drive(hardware, None)
+    ahead = []
+    drive.driver._guard = lambda: ahead.append(max(abs(w.error) for w in hardware.robot.status()))
+    begin = hardware.bench.truth().pose
+    outcome = drive.driver.leg(0.4, 0.0)
+    assert not outcome.collided
+    end = hardware.bench.truth().pose
+    assert hypot(end.x - begin.x, end.y - begin.y) == pytest.approx(0.4, abs=0.001)
+    assert max(ahead) * PULSE <= LEASH + 0.001
+    assert drive.driver.leg(0.0, 4 * pi).counters == pytest.approx(
+        [c + o for c, o in zip(outcome.counters, (-4163, 4163), strict=True)], abs=3
+    )
+    assert drive.stands()
+
+
+def test_a_leg_ends_at_a_wall(hardware):
+    drive = Drive(hardware, None)
+    assert drive.driver.leg(5.0, 0.0).collided
+    assert drive.stands(0.3)
 
 
 def test_a_speed_is_held_for_its_time_only(hardware):

@@ -70,6 +70,17 @@ def test_a_wire_log_without_any_room_says_so_at_once():
         WireLog(Path("/dev/full"), "khepera://corridor")
 
 
+def test_a_wire_log_that_is_being_written_is_left_alone(tmp_path):
+    with WireLog(tmp_path / "log", "khepera://corridor") as log:
+        log.request(0.5, b"B\n")
+        with pytest.raises(EmulatorError, match="another emulator does"):
+            WireLog(tmp_path / "log", "khepera://corridor")
+    assert len(read_log(tmp_path / "log").entries) == 1
+    with WireLog(tmp_path / "log", "khepera://corridor"):
+        pass
+    assert read_log(tmp_path / "log").entries == ()
+
+
 def test_a_robot_outlives_the_room_for_its_wire_log(tmp_path):
     log = tmp_path / "log"
 

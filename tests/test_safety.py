@@ -6,6 +6,7 @@ import signal
 import sys
 
 import pytest
+from drives import STATUSES, WAYS_OUT, Drive, programs
 from rig import rig
 from short_training import train_shortly
 
@@ -155,6 +156,39 @@ def test_a_robot_with_a_dead_man_stop_does_not(tmp_path):
     with rig(tmp_path, "--dead-man", "0.3") as bench:
         kill_a_rolling_controller(bench)
         assert bench.time_to_stand() < 0.3 + 0.15
+
+
+# the others: `make stop-times`
+@pytest.mark.parametrize("way", ["SIGTERM", "terminal closed"])
+@pytest.mark.parametrize("program", ["run", "train", "trials", "calibrate", "Commands", "Wheels"])
+def test_no_way_out_of_any_program_leaves_the_robot_driving(bench, map_file, program, way):
+    drives = []
+
+    def end():
+        bench.make_ready()
+        drives.append(Drive(bench.controllers, programs(bench, map_file)[program]))
+        bench.wait_until_moving()
+        WAYS_OUT[way](drives[-1])
+
+    assert bench.stops_within(LIMIT, end)
+    status = drives[-1].wait()
+    if program not in ("Commands", "Wheels"):
+        assert status == STATUSES[way], drives[-1].said
+
+
+def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file):
+    drives = []
+
+    def end():
+        bench.make_ready()
+        drives.append(Drive(bench.controllers, programs(bench, map_file)["run"], output=True))
+        bench.wait_until_moving()
+        drives[-1].close_output()
+
+    assert bench.stops_within(LIMIT, end)
+    assert drives[-1].wait() == 2
+    assert b"nobody reads the standard output" in drives[-1].said
+    assert b"the robot stands" in drives[-1].said
 
 
 A_LEARNER = """

@@ -288,6 +288,20 @@ def test_an_interruption_raises_once_and_then_holds_back_until_released():
             signal.raise_signal(signal.SIGINT)
 
 
+def test_an_interrupt_that_was_lost_comes_again(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("macor_hil.interruption.time.monotonic", lambda: now[0])
+    with Interruption() as interruption:
+        for _ in range(3):
+            now[0] += 2.0
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+        interruption.hold()
+        now[0] += 2.0
+        signal.raise_signal(signal.SIGINT)
+
+
 def test_a_terminal_that_was_left_on_purpose_may_close():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` does
     try:

@@ -219,6 +219,8 @@ def test_a_robot_that_stays_away_is_seen_to_by_hand() -> None:
             return False
 
     class Seeing:
+        worked = True
+
         def grab(self) -> None:
             pass
 

@@ -48,7 +48,7 @@ A robot in the corridor, its terminal under a name of its own:
 [cyan]khepera-emulator run --link runs/khepera[/cyan]
 
 Talk to it from a shell:
-[cyan]cat runs/khepera & printf 'D,5,5\\n' > runs/khepera[/cyan]
+[cyan](printf 'B\\nN\\n' >&3; head -n 2 <&3) 3<> runs/khepera[/cyan]
 
 Without drift, ten times faster, on a line that takes no time:
 [cyan]khepera-emulator run --drift none --speed 10 --baud unpaced[/cyan]

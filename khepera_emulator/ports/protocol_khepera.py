@@ -6,7 +6,7 @@ processor allows, with the same bytes each time.
 
     import serial, khepera_emulator
     port = serial.serial_for_url("khepera://corridor?seed=1", timeout=1)
-    port.write(b"D,5,5\n"); port.readline()
+    port.write(b"N\n"); port.readline()
 
 ARENA is a name, or the path of a TOML file; in a path, `%`, `#` and `?` are written as %25, %23
 and %3F. Options after `?`, joined with `&`:

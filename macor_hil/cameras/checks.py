@@ -12,6 +12,7 @@ from macor_hil.errors import (
     CameraDarkError,
     CameraFrozenError,
     CameraLateError,
+    CameraLostError,
     WrongPictureError,
 )
 from macor_hil.vision.unwrap import Image
@@ -53,10 +54,14 @@ class CheckedCamera:
     Args:
         camera: whose pictures are looked at; late and frozen ones are told of a live one only.
         limits: what they must be like.
+
+    Attributes:
+        worked: whether it has ever given a picture that can be acted upon.
     """
 
     def __init__(self, camera: Camera, limits: PictureLimits) -> None:
         self.live = camera.live
+        self.worked = False
         self._camera = camera
         self._limits = limits
         self._lock = threading.Lock()
@@ -77,6 +82,7 @@ class CheckedCamera:
             check_light(frame.image, self._limits)
             if self.live:
                 self._check_time(frame, seconds)
+            self.worked = True
             return frame
 
     def close(self) -> None:
@@ -97,6 +103,11 @@ class CheckedCamera:
                 f"picture {frame.sequence} took {seconds:.2f} s to come, {self._limits.late:g} s at"
                 " most are allowed"
             )
+
+
+def is_hopeless(error: Exception, camera: CheckedCamera) -> bool:
+    """Return whether it is of no use to wait: a camera that never worked."""
+    return isinstance(error, CameraLostError | WrongPictureError) and not camera.worked
 
 
 def check_size(image: Image, limits: PictureLimits) -> None:

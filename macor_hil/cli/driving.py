@@ -30,7 +30,7 @@ from macor_hil.cli.options import (
     hardware_of,
 )
 from macor_hil.cli.paths import PICTURES, check_file, check_folder
-from macor_hil.demo import DEFAULT_SEED, DemoSettings, endpoint, run_demo
+from macor_hil.demo import DEFAULT_SEED, DemoSettings, reserved, run_demo
 from macor_hil.drive import DriveSettings
 from macor_hil.map_file import load_map
 from macor_hil.pictures import draw_trials, draw_view
@@ -182,26 +182,25 @@ def demo(
     """
     check_folder("--folder", folder)
     map_file, picture = folder / "corridor.npz", folder / "trajectories.png"
-    settings = DemoSettings(
-        map_file,
-        speed,
-        emulator=endpoint(DEFAULT_ENDPOINT),
-        controller=endpoint(CONTROLLER_ENDPOINT),
-    )
-    if not map_file.exists():
-        typer.echo(f"training {map_file} in virtual time (the robot itself would take hours)")
-        typer.echo(f"watch it from another terminal: macor-hil dashboard{settings.watching}")
-        train(
-            port=settings.training_port,
-            map_file=map_file,
-            seed=settings.seed,
-            listen=[settings.emulator],
+    with reserved(DEFAULT_ENDPOINT) as emulator, reserved(CONTROLLER_ENDPOINT) as controller:
+        settings = DemoSettings(map_file, speed, emulator=emulator, controller=controller)
+        if not map_file.exists():
+            typer.echo(f"training {map_file} in virtual time (the robot itself would take hours)")
+            typer.echo(f"watch it from another terminal: macor-hil dashboard{settings.watching}")
+            train(
+                port=settings.training_port,
+                map_file=map_file,
+                seed=settings.seed,
+                listen=[settings.emulator],
+            )
+        typer.echo(
+            "driving live; watch from another terminal: macor-hil dashboard"
+            f"{settings.watching}, or monitor"
         )
-    typer.echo(
-        "driving live; watch from another terminal: macor-hil dashboard"
-        f"{settings.watching}, or monitor"
-    )
-    result = run_demo(settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}"))
+        with kept(lambda: f"the map is in {map_file}; the same command drives by it anew"):
+            result = run_demo(
+                settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}")
+            )
     draw_trials(picture, result.outline, result.trials)
     table = Table("planner", "commands", "reinforcement", "collision", "picture")
     for name, trial in result.trials.items():

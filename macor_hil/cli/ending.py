@@ -13,6 +13,7 @@ from macor_hil.interruption import interruption_in_charge
 CLOSED_OUTPUT: Final = "a closed standard output"
 
 _OUTPUT: Final = 1
+_KEYS: Final = ("SIGINT", "SIGQUIT")
 
 
 class Status(IntEnum):
@@ -27,7 +28,7 @@ class Status(IntEnum):
     COLLISION = 3
     """A collision ended the drive."""
     INTERRUPTED = 130
-    """Ctrl-C."""
+    """Ctrl-C, or Ctrl-\\."""
 
 
 SUMMARY: Final = (
@@ -43,7 +44,7 @@ def status_after(name: str) -> Status:
     Args:
         name: of the signal or of who told it.
     """
-    if name == "SIGINT":
+    if name in _KEYS:
         return Status.INTERRUPTED
     return Status.FAILED if name == CLOSED_OUTPUT else Status.DONE
 
@@ -69,11 +70,15 @@ def told(line: str) -> None:
 
 @contextmanager
 def kept(what: Callable[[], str]) -> Iterator[None]:
-    """Have it told what was kept, and how to go on, if the command is told to end meanwhile."""
+    """Have it told what was kept, and how to go on, if the command is told to end meanwhile.
+
+    Of contexts within each other the inner one tells.
+    """
     try:
         yield
-    except KeyboardInterrupt:
+    except BaseException as error:
         interruption = interruption_in_charge()
-        if interruption is not None:
-            interruption.kept = what()
+        # an interrupt may have become another error on its way, in a library that it hit
+        if interruption and (interruption.name or isinstance(error, KeyboardInterrupt)):
+            interruption.kept = interruption.kept or what()
         raise

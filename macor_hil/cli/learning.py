@@ -5,7 +5,7 @@ from dataclasses import replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 import typer
@@ -35,6 +35,7 @@ from macor_hil.cli.options import (
     ProfileOption,
     RobotOption,
     SeedOption,
+    SpeedOption,
     ZenohConfigOption,
     extra,
     hardware_of,
@@ -49,11 +50,13 @@ from macor_hil.hardware import is_embedded
 from macor_hil.interruption import signals_taken_over
 from macor_hil.map_file import load_map, save_map
 from macor_hil.planners import PLANNERS
-from macor_hil.profile import load_profile
+from macor_hil.profile import RobotProfile, load_profile
 from macor_hil.service import find_planner
 from macor_hil.training import Recovery, Schedule
 from macor_hil.trials import Spread, Trial, run_trial
 from protocol.side_channel import DEFAULT_ENDPOINT, Reset
+
+_DRIVE: Final = DriveSettings()
 
 app = typer.Typer()
 
@@ -95,6 +98,7 @@ def train(
     connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
     zenoh_config: ZenohConfigOption = None,
     profile: ProfileOption = None,
+    speed: SpeedOption = _DRIVE.speed,
     listen: Annotated[
         list[str],
         typer.Option(
@@ -125,12 +129,13 @@ def train(
         recovery=Recovery(recovery.value),
     )
     settings = Settings(nodes=nodes, vigilance=vigilance)
-    drive = DriveSettings(wheels=load_profile(profile).wheels) if profile else DriveSettings()
-    if profile and (mirror := load_profile(profile).mirror):
-        settings = replace(settings, mirror=mirror)
+    measured = load_profile(profile) if profile else RobotProfile()
+    drive = DriveSettings(wheels=measured.wheels, speed=speed)
+    if measured.mirror:
+        settings = replace(settings, mirror=measured.mirror)
     with (
-        claim(map_file),
         kept(lambda: _what_is_kept(map_file, schedule)),
+        claim(map_file),
         signals_taken_over() as interruption,
         hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware,
         progress_bar(schedule.commands) as count,
@@ -168,7 +173,7 @@ def _ask(bar: Bar, what: str) -> None:
 def _what_is_kept(map_file: Path, schedule: Schedule) -> str:
     commands = commands_kept(map_file, schedule)
     if not commands:
-        return f"fewer than {schedule.tuning} commands were driven, and nothing is kept of them"
+        return "there was no checkpoint yet, and nothing is kept"
     return (
         f"{commands} of {schedule.commands} commands are kept in {checkpoint_path(map_file)}; the"
         " same command goes on from there"
@@ -183,6 +188,11 @@ def trials(
         list[str] | None, typer.Option(help="Planner; give several. Default: all.")
     ] = None,
     count: Annotated[int, typer.Option("--trials", min=1, help="Trials of each planner.")] = 10,
+    speed: SpeedOption = _DRIVE.speed,
+    baud: BaudOption = 9600,
+    robot: RobotOption = "khepera",
+    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
+    zenoh_config: ZenohConfigOption = None,
     seed: SeedOption = DEFAULT_SEED,
 ) -> None:
     """Score planners on a map: trials of 40 commands at most, from starts near the arena's own.
@@ -194,26 +204,29 @@ def trials(
     for name in names:
         find_planner(name)
     results: dict[str, list[Trial]] = {}
+
+    def driven() -> str:
+        done, of = sum(map(len, results.values())), count * len(names)
+        return f"{done} of {of} trials were driven; the same command begins anew"
+
     try:
         with (
+            kept(driven),
             signals_taken_over() as interruption,
-            hardware_of(port, "auto", 9600, "khepera", [DEFAULT_ENDPOINT]) as hardware,
+            hardware_of(port, "auto", baud, robot, connect, zenoh_config) as hardware,
             progress_bar(count * len(names)) as progress,
         ):
             if hardware.bench is None:
                 raise MacorError(f"trials need an emulated robot, which {port} is not")
-            agent = Agent(brain, Driver(hardware.robot, guard=interruption.check), hardware.camera)
+            driver = Driver(hardware.robot, DriveSettings(speed=speed), interruption.check)
+            agent = Agent(brain, driver, hardware.camera)
             for number, name in enumerate(names):
                 of_planner = results.setdefault(name, [])
                 for k in range(count):
                     of_planner.append(_trial(agent, name, hardware.bench, [seed, k]))
                     progress(number * count + k + 1)
-    except KeyboardInterrupt:
-        driven = sum(map(len, results.values()))
-        with kept(lambda: f"{driven} of {count * len(names)} trials were driven; none is kept"):
-            _show(results)
-            raise
-    _show(results)
+    finally:
+        _show(results)
 
 
 def _trial(agent: Agent, name: str, bench: Bench, seed: list[int]) -> Trial:

@@ -1,9 +1,11 @@
 """What several commands have in common: their options, the hardware they open, how they report."""
 
+import os
+import select
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from rich.console import Console
@@ -31,6 +33,10 @@ COLUMNS = (
     MofNCompleteColumn(),
     TimeRemainingColumn(),
 )
+
+_INPUT: Final = 0
+_LOOK: Final = 100
+"""Milliseconds between two looks for a signal."""
 
 DEFAULT_PORT = f"khepera://corridor?seed={DEFAULT_SEED}"
 DEFAULT_MAP = Path("runs/corridor.npz")
@@ -194,13 +200,34 @@ class Bar:
         """
         self._progress.stop()
         try:
-            return input(f"{question}: ").strip()
-        except EOFError:
-            raise MacorError(
-                "the standard input ended before this was answered; start it from a terminal"
-            ) from None
+            typer.echo(f"{question}: ", nl=False)
+            return _read_line()
         finally:
             self._progress.start()
+
+
+def _read_line() -> str:
+    """Read a line from the standard input.
+
+    A signal that comes just before a read that blocks would wait for the line: so none blocks for
+    long.
+
+    Raises:
+        MacorError: the input has ended.
+    """
+    poll = select.poll()
+    poll.register(_INPUT, select.POLLIN)
+    line = b""
+    while not line.endswith(b"\n"):
+        if not poll.poll(_LOOK):
+            continue
+        byte = os.read(_INPUT, 1)
+        if not byte:
+            raise MacorError(
+                "the standard input ended before this was answered; start it from a terminal"
+            )
+        line += byte
+    return line.decode(errors="replace").strip()
 
 
 @contextmanager

@@ -4,6 +4,7 @@ import os
 import stat
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Final
 
 from macor_hil.errors import MacorError
@@ -72,8 +73,11 @@ def _check_folder(option: str, path: Path, folder: Path) -> None:
         folder = folder.parent
     if not stat.S_ISDIR(mode):
         raise _refusal(option, path, f"cannot be: {folder} is no folder")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise _refusal(option, path, f"cannot be written: the folder {folder} is write-protected")
+    try:
+        with TemporaryFile(dir=folder):
+            pass  # only an attempt tells, for the superuser and for file systems of the kernel's
+    except OSError as error:
+        raise _refusal(option, path, f"cannot be written: {folder}: {error.strerror}") from None
 
 
 def _mode(path: Path) -> int | None:

@@ -106,7 +106,9 @@ def replay(
     name, events = read_recording(file)
     with open_session(listen, [], zenoh_config) as session, Stage(session, robot or name) as stage:
         of = len(events)
-        with kept(lambda: f"{stage.shown} of {of} events were published; {file} is as it was"):
+        with kept(
+            lambda: f"{stage.shown} of {of} events were published; the same command begins anew"
+        ):
             play(events, stage, speed)
     typer.echo(f"{file}: {len(events)} events of {name}")
 
