@@ -266,7 +266,13 @@ class TestSameRobotAsInProcess:
 
 class TestEnd:
     @pytest.mark.parametrize(
-        ("number", "status"), [(signal.SIGTERM, 0), (signal.SIGHUP, 0), (signal.SIGINT, 130)]
+        ("number", "status"),
+        [
+            (signal.SIGTERM, 0),
+            (signal.SIGHUP, 0),
+            (signal.SIGINT, 130),
+            (signal.SIGQUIT, 130),
+        ],
     )
     def test_signal_ends_it_cleanly(self, tmp_path, number, status):
         running = EmulatorProcess(*link_options(tmp_path))
@@ -278,7 +284,13 @@ class TestEnd:
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize(
-        ("number", "status"), [(signal.SIGTERM, 0), (signal.SIGHUP, 0), (signal.SIGINT, 130)]
+        ("number", "status"),
+        [
+            (signal.SIGTERM, 0),
+            (signal.SIGHUP, 0),
+            (signal.SIGINT, 130),
+            (signal.SIGQUIT, 130),
+        ],
     )
     @pytest.mark.parametrize("step", ["load_arena", "make_fleet", "open_port"])
     def test_signal_ends_it_cleanly_before_it_is_ready(self, tmp_path, number, status, step):
