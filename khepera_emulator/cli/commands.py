@@ -4,12 +4,13 @@ import logging
 import os
 import re
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from enum import StrEnum
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -364,7 +365,7 @@ def replay(
     recording = read_log(file)
     url = port or _recorded_robot(file, recording)
     try:
-        with serial.serial_for_url(url, timeout=1.0) as line:
+        with serial.serial_for_url(url, timeout=1.0) as line, _stopping(line):
             result = play(recording, line, [word.strip() for word in ignore.split(",")])
     except (OSError, ValueError) as error:
         raise EmulatorError(f"cannot replay on {url}: {error}") from None
@@ -374,6 +375,18 @@ def replay(
     typer.echo(f"{result} reply lines equal")
     if recording.damage:
         raise EmulatorError(f"{recording.damage}; only what stands before was replayed")
+
+
+@contextmanager
+def _stopping(line: Any) -> Iterator[None]:
+    """Leave a standing robot, whatever ends the replay; one in this process ends with it."""
+    try:
+        yield
+    finally:
+        if not hasattr(line, "emulator"):
+            with suppress(OSError):  # the port has failed
+                line.write(b"\nD,0,0\n")
+                line.flush()
 
 
 def _checked(name: str, model: Model) -> Arena:

@@ -173,10 +173,12 @@ class TcpPort:
         if not self._client:
             return []
         self._read_ahead()
-        broken = self._is_broken()
-        while broken and self._read_ahead():
-            pass
-        left = broken or (self._makes_room() and self._is_time_up())
+        left = False
+        if self._makes_room():  # otherwise reading has told that it is there
+            broken = self._is_broken()
+            while broken and self._read_ahead():
+                pass
+            left = broken or self._is_time_up()
         taken = bytes(self._ahead) if left else bytes(self._ahead[: max(0, limit)])
         del self._ahead[: len(taken)]
         chunks = [taken] if taken else []
