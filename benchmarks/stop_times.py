@@ -31,6 +31,7 @@ from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import ask_to_stop
 
 _TIMES: Final = 10
+_FEW_TIMES: Final = 5
 _LIMIT: Final = 0.5
 _DEAD_MAN: Final = 0.3
 _ATTEMPTS: Final = 3
@@ -50,11 +51,12 @@ def main() -> None:
     Further arguments choose programs by their names.
     """
     chosen = [word for word in sys.argv[1:] if not word.startswith("-")]
-    load = f"{_TIMES} times each, two cores that other programs shared (load average {{:.1f}})."
+    load = "Two cores that other programs shared (load average {:.1f})."
     with TemporaryDirectory() as folder:
         trained = train_shortly(Path(folder) / "map.npz")
         with rig(folder) as bench:
-            rows = [*_rows(bench, trained, _causes(), chosen)]
+            causes = (each for each in _causes() if not chosen or each[0] in chosen)
+            rows = [*_rows(bench, trained, causes, _TIMES)]
         note = load.format(os.getloadavg()[1])
         report(
             "stops, on the emulator's clock", _HEAD, rows, (DOCS / "safety.md", "stop times"), note
@@ -80,13 +82,11 @@ def _causes() -> Iterator[tuple[str, str, Cause]]:
 
 
 def _rows(
-    bench: Rig, trained: Path, causes: Iterator[tuple[str, str, Cause]], chosen: list[str]
+    bench: Rig, trained: Path, causes: Iterator[tuple[str, str, Cause]], times: int
 ) -> Iterator[tuple[str, ...]]:
     console, rng = Console(), np.random.default_rng(1)
     for program, name, cause in causes:
-        if chosen and program not in chosen:
-            continue
-        rounds = track(range(_TIMES), f"{program}: {name}", console=console, transient=True)
+        rounds = track(range(times), f"{program}: {name}", console=console, transient=True)
         row = _row(program, name, [_stop(bench, trained, cause, rng) for _ in rounds])
         console.print(" | ".join(row))
         yield row
@@ -207,7 +207,7 @@ def _unseen(folder: Path, trained: Path) -> Iterator[tuple[str, ...]]:
                     ("a pulled cable", _pulled(program)),
                 )
             )
-            yield from _rows(bench, trained, causes, [])
+            yield from _rows(bench, trained, causes, _FEW_TIMES)
 
 
 def _pulled(program: str) -> Cause:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from khepera_emulator.errors import EmulatorError
+from protocol.text import quoted
 
 _VERSION: Final = re.compile(r"[0-9]\.[0-9]{2}", re.ASCII)
 _TEXT: Final = re.compile(r"[ -~]{1,60}")
@@ -71,7 +72,7 @@ def parse_choices(items: Iterable[str]) -> Choices:
         name, equals, text = item.partition("=")
         if name not in option_names():
             raise EmulatorError(
-                f"unknown firmware option {name!r}; there are {', '.join(option_names())}"
+                f"unknown firmware option {quoted(name)}; there are {', '.join(option_names())}"
             )
         attribute = name.replace("-", "_")
         default = getattr(Choices(), attribute)
@@ -81,18 +82,20 @@ def parse_choices(items: Iterable[str]) -> Choices:
 
 def _flag(item: str, equals: str) -> bool:
     if equals:
-        raise EmulatorError(f"firmware option {item!r}: a switch takes no value")
+        raise EmulatorError(f"firmware option {quoted(item)}: a switch takes no value")
     return True
 
 
 def _value(name: str, text: str, default: object) -> int | str:
     if isinstance(default, int):
         if not _COUNT.fullmatch(text):
-            raise EmulatorError(f"firmware option {name}={text!r}: give 0 to 99")
+            raise EmulatorError(f"firmware option {name}={quoted(text)}: give 0 to 99")
         return int(text)
     if name.replace("-", "_") in _VERSIONS:
         if not _VERSION.fullmatch(text):
-            raise EmulatorError(f"firmware option {name}={text!r}: a version looks like 5.01")
+            raise EmulatorError(f"firmware option {name}={quoted(text)}: a version looks like 5.01")
     elif not _TEXT.fullmatch(text):
-        raise EmulatorError(f"firmware option {name}={text!r}: give 1 to 60 printable characters")
+        raise EmulatorError(
+            f"firmware option {name}={quoted(text)}: give 1 to 60 printable characters"
+        )
     return text

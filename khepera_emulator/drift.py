@@ -13,6 +13,7 @@ import numpy as np
 
 from khepera_emulator.errors import EmulatorError
 from protocol.side_channel import WheelDrift
+from protocol.text import quoted
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ def parse_drift(text: str) -> DriftSettings:
             value = -1.0
         if name not in known or not 0.0 <= value < 0.5:
             raise EmulatorError(
-                f"cannot read the drift {text!r}; give {', '.join(PRESETS)}, or items of"
+                f"cannot read the drift {quoted(text)}; give {', '.join(PRESETS)}, or items of"
                 f" {', '.join(known)} such as scale=0.01,slip=0.05 (each from 0 to below 0.5)"
             )
         values[name] = value

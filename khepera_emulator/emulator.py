@@ -27,8 +27,10 @@ from khepera_emulator.renderers.view import Image
 from khepera_emulator.robot import Robot
 from khepera_emulator.turrets import Equipment
 from khepera_emulator.uart import Uart, on_grid
+from protocol.errors import RequestError
 from protocol.mirror import Mirror
 from protocol.side_channel import Outline, Pose, Reset, Truth
+from protocol.text import printable
 
 _log = logging.getLogger(__name__)
 
@@ -61,6 +63,10 @@ class Setup:
     turrets: tuple[str, ...] = ()
     choices: Choices = Choices()  # noqa: RUF009 - an immutable value
     dead_man: float | None = None
+
+
+_MOST_REFUSALS = 20
+"""Refused requests of a client that are logged one by one: garbage has many of them."""
 
 
 def _log_fault(happening: Happening) -> None:
@@ -108,6 +114,7 @@ class Emulator:
             setup.turrets, setup.choices, self._fleet.radio, self._number + 1
         )
         self._next_rate: int | None = None
+        self._refusals = 0
         streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
@@ -139,6 +146,9 @@ class Emulator:
     def hang_up(self) -> None:
         """The client leaves the line; the robot does not notice and goes on."""
         self.uart.hang_up()
+        if self._refusals > _MOST_REFUSALS:
+            _log.info("robot %d has refused %d requests", self._number + 1, self._refusals)
+        self._refusals = 0
 
     @property
     def moving(self) -> bool:
@@ -168,6 +178,14 @@ class Emulator:
 
     def _change_rate(self, rate: int) -> None:
         self._next_rate = rate  # the reply to the change still goes out at the rate before
+
+    def _log_refusal(self, line: bytes, error: RequestError) -> None:
+        self._refusals += 1
+        if self._refusals <= _MOST_REFUSALS:
+            request, why = printable(line, 60), printable(str(error), 120)
+            _log.info("robot %d refuses '%s': %s", self._number + 1, request, why)
+        elif self._refusals == _MOST_REFUSALS + 1:
+            _log.info("robot %d refuses more than that", self._number + 1)
 
     def truth(self) -> Truth:
         """Ground truth, now."""
@@ -254,7 +272,7 @@ class Emulator:
             self._equipment,
             setup.dead_man,
         )
-        self._firmware = Firmware(self._robot, self._change_rate)
+        self._firmware = Firmware(self._robot, self._change_rate, self._log_refusal)
         self._camera: OmniCamera | None = None
 
     def _eye(self) -> OmniCamera:

@@ -42,11 +42,18 @@ class Firmware:
         robot: what it reads and drives.
         on_rate: told the rate in bits a second that the tool `serial` sets, to hold from after
             its reply.
+        on_refusal: told each request that is refused, and why.
     """
 
-    def __init__(self, robot: Robot, on_rate: Callable[[int], None] = lambda _: None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        on_rate: Callable[[int], None] = lambda _: None,
+        on_refusal: Callable[[bytes, RequestError], None] = lambda _, __: None,
+    ) -> None:
         self._robot = robot
         self._on_rate = on_rate
+        self._on_refusal = on_refusal
         self._choices = robot.equipment.choices
         self._strict = self._choices.reject_beyond
         self._lenient = not self._choices.count_arguments
@@ -93,6 +100,7 @@ class Firmware:
                 return self._run_tool(request)
             return self._answer(request)
         except RequestError as error:
+            self._on_refusal(line, error)
             return encode_line(self._refusal(error.reply))
 
     def _refusal(self, text: str) -> str:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Final
 
 from khepera_emulator.errors import EmulatorError
+from protocol.text import quoted
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,5 +210,5 @@ def find_model(name: str) -> Model:
         return MODELS[name]
     except KeyError:
         raise EmulatorError(
-            f"unknown robot model {name!r}; choose one of {', '.join(MODELS)}"
+            f"unknown robot model {quoted(name)}; choose one of {', '.join(MODELS)}"
         ) from None

@@ -9,12 +9,12 @@ from protocol.text import printable
 
 
 def check_name(option: str, path: Path) -> None:
-    """See that a path ends with a name, as `/` and `.` do not.
+    """See that a path ends with a name, as `/`, `.` and `..` do not.
 
     Raises:
         EmulatorError: it does not.
     """
-    if not path.name:
+    if path.name in ("", ".."):
         raise EmulatorError(f"{option} {path} names no file; give a path such as runs/khepera")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from khepera_emulator.errors import EmulatorError
+from protocol.extras import how_to_install
 
 _STDERR: Final = 2
 
@@ -25,7 +26,8 @@ def load_physics() -> None:
             import pybullet
         except ModuleNotFoundError:
             raise EmulatorError(
-                "the emulator needs PyBullet: pip install 'khepera-macor[emulator]'"
+                "the emulator needs PyBullet; install the extra 'emulator' with:"
+                f" {how_to_install('emulator')}"
             ) from None
     if not pybullet.isNumpyEnabled():
         _log.info("this PyBullet was built without NumPy: it draws things, not walls, more slowly")

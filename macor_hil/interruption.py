@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
 from types import FrameType
 from typing import Final, Self
 
@@ -26,6 +27,9 @@ _TRIES: Final = 10
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 """What tells a program to end: the keys Ctrl-C and Ctrl-\\, `kill`, a closed terminal."""
 
+_ORDERLY: Final = 1.0
+"""Seconds after an interrupt for which no other one comes."""
+
 _KILLED: Final = 128
 """Exit status of a process that a signal ended, less the signal's number."""
 
@@ -33,10 +37,11 @@ _KILLED: Final = 128
 class Interruption:
     """Raises KeyboardInterrupt wherever the main thread waits when the process is told to end.
 
-    The first signal holds back all later ones, so that whoever was interrupted can put things
-    in order undisturbed, until `release`. Outside the main thread it does nothing. A signal that
-    comes within a lock written in Python is raised right after it. SIGINT is taken
-    over even where a shell has it ignored (a script's background job), SIGHUP is not (`nohup`).
+    The first signal holds back those of the next second, so that whoever was interrupted can put
+    things in order undisturbed; later ones raise again, because a KeyboardInterrupt may get lost.
+    `hold` holds back all until `release`. A signal that comes within a lock written in Python is
+    raised right after it. Outside the main thread nothing is done. SIGINT is taken over even where
+    a shell has it ignored (a script's background job), SIGHUP is not (`nohup`).
 
     Args:
         told: another way of being told to end: its name, or nothing, whenever `check` asks.
@@ -51,6 +56,7 @@ class Interruption:
         self.kept = ""
         self._told = told
         self._held = False
+        self._raised = -inf
         self._tries = 0
         self._before: dict[signal.Signals, signal._HANDLER] = {}
 
@@ -89,17 +95,19 @@ class Interruption:
     def release(self) -> None:
         """Let signals through again."""
         self._held = False
+        self._raised = -inf
 
     def _come(self, number: int, frame: FrameType | None) -> None:
         self.name = self.name or signal.Signals(number).name
-        if self._held:
+        now = time.monotonic()
+        if self._held or now - self._raised <= _ORDERLY:
             return
         if self._tries < _TRIES and _may_lock(frame):
             self._tries += 1
             # no Thread, whose beginning takes one of those locks
             _thread.start_new_thread(self._come_again, (number,))
             return
-        self._held, self._tries = True, 0
+        self._raised, self._tries = now, 0
         raise KeyboardInterrupt
 
     def _come_again(self, number: int) -> None:

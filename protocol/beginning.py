@@ -6,11 +6,14 @@ import sys
 from types import FrameType
 from typing import Final
 
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+KEYS: Final = (signal.SIGINT, signal.SIGQUIT)
+"""Ctrl-C and Ctrl-\\."""
+
+SIGNALS: Final = (*KEYS, signal.SIGTERM, signal.SIGHUP)
 """What tells a program to end."""
 
 INTERRUPTED: Final = 130
-"""Exit status after Ctrl-C."""
+"""Exit status after Ctrl-C or Ctrl-\\."""
 
 
 def begin(program: str) -> None:
@@ -21,9 +24,9 @@ def begin(program: str) -> None:
     """
 
     def end(number: int, _: FrameType | None) -> None:
-        if number == signal.SIGINT:
+        if number in KEYS:
             os.write(2, f"{program}: interrupted\n".encode())
-        os._exit(INTERRUPTED if number == signal.SIGINT else 0)
+        os._exit(INTERRUPTED if number in KEYS else 0)
 
     open_standard_files()
     for number in signals_to_take():

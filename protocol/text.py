@@ -32,6 +32,11 @@ def printable(text: str | bytes, limit: int | None = None) -> str:
     )
 
 
+def quoted(text: str, limit: int = 60) -> str:
+    """Return foreign text for an error message: in quotes, safe for a terminal and cut."""
+    return f"'{printable(text, limit)}'"
+
+
 def parse_toml(data: bytes) -> dict[str, Any]:
     """Parse a TOML document of bounded size.
 

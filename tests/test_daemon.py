@@ -3,6 +3,7 @@
 import fcntl
 import os
 import resource
+import select
 import signal
 import socket
 import subprocess
@@ -25,7 +26,9 @@ from khepera_emulator.clock import Clock
 from khepera_emulator.daemon import Daemon, _Line
 from khepera_emulator.drift import PRESETS
 from khepera_emulator.emulator import Emulator, Setup
+from khepera_emulator.ports import tcp
 from khepera_emulator.ports.pty import PtyPort
+from khepera_emulator.ports.tcp import TcpPort, tcp_address
 from khepera_emulator.uart import INTERPRETER_TIME
 from protocol.units import wire_time
 
@@ -263,7 +266,13 @@ class TestSameRobotAsInProcess:
 
 class TestEnd:
     @pytest.mark.parametrize(
-        ("number", "status"), [(signal.SIGTERM, 0), (signal.SIGHUP, 0), (signal.SIGINT, 130)]
+        ("number", "status"),
+        [
+            (signal.SIGTERM, 0),
+            (signal.SIGHUP, 0),
+            (signal.SIGINT, 130),
+            (signal.SIGQUIT, 130),
+        ],
     )
     def test_signal_ends_it_cleanly(self, tmp_path, number, status):
         running = EmulatorProcess(*link_options(tmp_path))
@@ -275,7 +284,13 @@ class TestEnd:
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize(
-        ("number", "status"), [(signal.SIGTERM, 0), (signal.SIGHUP, 0), (signal.SIGINT, 130)]
+        ("number", "status"),
+        [
+            (signal.SIGTERM, 0),
+            (signal.SIGHUP, 0),
+            (signal.SIGINT, 130),
+            (signal.SIGQUIT, 130),
+        ],
     )
     @pytest.mark.parametrize("step", ["load_arena", "make_fleet", "open_port"])
     def test_signal_ends_it_cleanly_before_it_is_ready(self, tmp_path, number, status, step):
@@ -630,6 +645,44 @@ class TestHangUp:
             emulated.advance(emulated.now + 1.0)
             line.hand_over()
             assert second.read_until(b"\n") == b"h,0,0\r\n"
+        port.close()
+        emulated.close()
+
+    @pytest.mark.parametrize("flood", [b"N\n" * 500_000, b"\n" * 10_000, b"D,1,1\r\n" * 1000])
+    def test_what_a_flood_leaves_behind_keeps_the_next_for_five_seconds_at_most(
+        self, monkeypatch, flood
+    ):
+        monkeypatch.setattr(tcp, "GRACE", 0.0)
+        emulated = Emulator(Setup(load_arena("corridor"), drift=PRESETS["none"], baud=9600))
+        port = TcpPort("127.0.0.1:0")
+        line = _Line(emulated, port, False, None, None)
+        address = tcp_address(port.url.partition("//")[2])
+
+        def live(until):
+            while not until():
+                line.descriptors()
+                line.look(set())
+                line.take(emulated.now)
+                emulated.advance(emulated.now + 0.02)
+                line.hand_over()
+
+        def flood_and_leave():
+            with socket.create_connection(address, PATIENCE) as first:
+                first.sendall(flood)
+
+        thread = threading.Thread(target=flood_and_leave)
+        thread.start()
+        live(lambda: port._client)
+        live(lambda: port._ended or not port._client)
+        thread.join(PATIENCE)
+        with socket.create_connection(address, PATIENCE) as second:
+            begun = emulated.now
+            second.sendall(b"\nH\n")
+            live(lambda: select.select((second,), (), (), 0)[0])
+            # what is kept of the flood, and the next one's own request and reply
+            assert emulated.now - begun < wire_time(4096 + 256 + 20, 9600) + 0.1
+            live(lambda: emulated.uart.idle)
+            assert second.makefile("rb").readline().startswith(b"h,")
         port.close()
         emulated.close()
 

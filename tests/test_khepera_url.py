@@ -448,3 +448,19 @@ def test_opens_in_a_process_whose_error_output_is_closed():
     command = ["sh", "-c", 'exec "$0" -c "$1" 2>&-', sys.executable, program]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, timeout=60)
     assert done.stdout == "b'b,5.01,5.00\\r\\n'\n"
+
+
+def test_refused_requests_are_logged_with_cleaned_text_and_not_without_end(port, caplog):
+    caplog.set_level("INFO")
+    port.write(b"\x1b[31mM\nD,5\nD,5,5\nT,1,B\n")
+    port.read(100)
+    assert [record.getMessage() for record in caplog.records] == [
+        r"robot 1 refuses '\x1b[31mM': '\x1b[31mM' begins with no command or tool",
+        "robot 1 refuses 'D,5': D takes 2 argument(s)",
+        "robot 1 refuses 'T,1,B': no turret 1 is mounted",
+    ]
+    port.write(b"M\n" * 100)
+    port.read(10_000)
+    assert len(caplog.records) == 21
+    port.emulator.hang_up()
+    assert caplog.records[-1].getMessage() == "robot 1 has refused 103 requests"

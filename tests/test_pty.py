@@ -228,6 +228,20 @@ class TestClients:
             port.write(b"fresh")
             assert unread(terminal) == b"fresh"
 
+    def test_that_write_and_leave_are_logged(self, port, caplog):
+        caplog.set_level("INFO")
+        for _ in range(2):
+            with client(port) as terminal:
+                os.write(terminal, b"N\n")
+                received(port)
+                os.write(terminal, b"O\n")
+                received(port)
+            received(port)
+        with client(port):
+            received(port)
+        said = [record.getMessage() for record in caplog.records]
+        assert said == [f"{port.url}: a client writes", f"{port.url}: it has left"] * 2
+
     def test_may_come_and_go_often(self, port):
         for turn in range(100):
             with client(port) as terminal:

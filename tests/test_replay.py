@@ -327,6 +327,19 @@ class TestCommand:
         assert status == 1
         assert out.startswith("difference at 0.500 s, after the request b'H\\n'\n")
 
+    def test_leaves_a_standing_robot(self, monkeypatch, capfd, tmp_path):
+        path = tmp_path / "wire.jsonl"
+        with WireLog(path, URL) as log:
+            log.request(0.0, b"D,5,5\n")
+            log.reply(0.01, b"d\r\n")
+        with emulator("--no-zenoh", "--baud", "unpaced") as running:
+            assert self.run(monkeypatch, capfd, path, "--port", running.path)[0] == 0
+            with serial.Serial(running.path, timeout=PATIENCE) as port:
+                speeds = b""
+                while speeds != b"e,0,0\r\n":  # it rolls on a little
+                    port.write(b"E\n")
+                    speeds = port.read_until(b"\n")
+
     def test_ends_with_zero_when_equal(self, monkeypatch, capfd, file):
         status, out, _ = self.run(monkeypatch, capfd, file, "--ignore", "N,H")
         assert (status, out) == (0, "1 reply lines equal\n")

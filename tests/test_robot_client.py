@@ -222,6 +222,18 @@ def test_halt_waits_until_the_wheels_have_come_to_rest():
     assert port.requests.count(b"D,0,0") == 2
 
 
+def test_a_stop_does_not_wait_for_a_line_of_one_baud():
+    port = ScriptedPort({b"D,0,0": b""})
+    port.baudrate = 1  # a request takes more than a minute
+    robot = Khepera(port)
+    with pytest.raises(SilenceError):
+        robot.halt()
+    assert port.now < 6.0
+    with pytest.raises(SilenceError):
+        robot.connect()
+    assert port.now < 20.0
+
+
 def test_halt_says_so_when_no_stop_is_confirmed():
     with pytest.raises(RobotError, match=r"sent b'D,0,0\\n' and got nothing"):
         Khepera(ScriptedPort({b"D,0,0": b""})).halt()

@@ -291,6 +291,20 @@ def test_an_interruption_raises_once_and_then_holds_back_until_released():
             signal.raise_signal(signal.SIGINT)
 
 
+def test_an_interrupt_that_was_lost_comes_again(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("macor_hil.interruption.time.monotonic", lambda: now[0])
+    with Interruption() as interruption:
+        for _ in range(3):
+            now[0] += 2.0
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+        interruption.hold()
+        now[0] += 2.0
+        signal.raise_signal(signal.SIGINT)
+
+
 def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes():
     """As pySerial's RFC 2217 client reads: the stop of the robot waits for the same queue."""
     calls, came = 0, [True]

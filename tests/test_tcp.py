@@ -264,6 +264,44 @@ class TestClients:
             assert received(port, 5) == [b"%03d\n" % turn, b""]
 
 
+class TestLog:
+    """At the level `info` it is told who comes and goes, and what is refused."""
+
+    def test_tells_who_comes_and_goes_and_who_is_turned_away(self, port, monkeypatch, caplog):
+        monkeypatch.setattr(tcp, "GRACE", 0.0)
+        caplog.set_level("INFO")
+        with client(port) as first:
+            admitted(port)
+            with client(port) as second:
+                admitted(port)
+                names = ["{}:{}".format(*each.getsockname()) for each in (first, second)]
+        assert received(port, 1) == [b""]
+        assert [record.getMessage() for record in caplog.records] == [
+            f"{port.url}: {names[0]} has the line",
+            f"{port.url}: {names[1]} turned away: {names[0]} has the line",
+            f"{port.url}: {names[0]} has left",
+        ]
+
+    @pytest.mark.parametrize("port", [Rfc2217Port], indirect=True)
+    @pytest.mark.parametrize(
+        ("data", "told"),
+        [
+            (rfc2217.SET_BAUDRATE + b"\xfe" * 4, "wants a rate of 4278124286, which is refused"),
+            (rfc2217.SET_DATASIZE + b"\x63", "wants 99 data bits, which is refused"),
+            (rfc2217.SET_PARITY + b"\x63", "wants the option 2c 03 63, which is refused"),
+        ],
+    )
+    def test_tells_which_settings_are_refused(self, port, caplog, data, told):
+        caplog.set_level("INFO")
+        with client(port) as connection:
+            option = setting(data[:1], data[1:].replace(b"\xff", b"\xff\xff"))
+            connection.sendall(option * 100 + b"B\n")
+            assert received(port, 2) == [b"B\n"]
+            name = "{}:{}".format(*connection.getsockname())
+        told_all = [each.getMessage() for each in caplog.records if "refused" in each.getMessage()]
+        assert told_all == [f"{port.url}: {name} {told}"] * 20
+
+
 IAC_SB = rfc2217.IAC + rfc2217.SB
 IAC_SE = rfc2217.IAC + rfc2217.SE
 

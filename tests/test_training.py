@@ -15,12 +15,13 @@ from planning import square
 import macor_hil.checkpoints
 from macor_hil.caretaker import Ask, Caretaker
 from macor_hil.checkpoints import checkpoint_path, train_map
-from macor_hil.drive import Driver
+from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import CameraError, MapError, RobotError
 from macor_hil.hardware import open_hardware
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.settings import MindSettings
+from macor_hil.odometry import Wheels
 from macor_hil.training import Phase, Recovery, Schedule
 
 PORT = "khepera://corridor?seed=3"
@@ -112,6 +113,20 @@ def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
         train(path, stop_at=50)
     with pytest.raises(MapError, match="schedule differ"):
         train(path, replace(SHORT, seed=6))
+
+
+@pytest.mark.parametrize(
+    "drive", [DriveSettings(wheels=Wheels(base=0.0535)), DriveSettings(speed=10)]
+)
+def test_a_checkpoint_of_other_wheels_or_speeds_is_refused(
+    tmp_path: Path, drive: DriveSettings
+) -> None:
+    with pytest.raises(StopHereError):
+        train(tmp_path / "a.npz", stop_at=50)
+    with open_hardware(PORT) as hardware:
+        devices = Driver(hardware.robot, drive), hardware.camera, hardware.bench
+        with pytest.raises(MapError, match=r"wheels or speeds differ.*--profile.*--restart"):
+            train_map(tmp_path / "a.npz", SETTINGS, SHORT, PORT, devices, lambda _: None)
 
 
 def test_driving_back_recovers_without_any_reset(tmp_path: Path) -> None:

@@ -4,12 +4,13 @@ import logging
 import os
 import re
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from enum import StrEnum
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -33,7 +34,7 @@ from khepera_emulator.starts import check_starts
 from khepera_emulator.variants import with_own_colours
 from khepera_emulator.wire_log import ROBOT, Recording, WireLog, read_log, robot_url
 from protocol.side_channel import DEFAULT_ENDPOINT
-from protocol.text import PrintableFormatter, printable
+from protocol.text import PrintableFormatter, printable, quoted
 from protocol.turrets import TURRETS
 
 _DIFFERENT: Final = 1
@@ -410,7 +411,7 @@ def replay(
     recording = read_log(file)
     url = port or _recorded_robot(file, recording)
     try:
-        with serial.serial_for_url(url, timeout=1.0) as line:
+        with serial.serial_for_url(url, timeout=1.0) as line, _stopping(line):
             result = play(recording, line, [word.strip() for word in ignore.split(",")])
     except (OSError, ValueError) as error:
         raise EmulatorError(f"cannot replay on {url}: {error}") from None
@@ -420,6 +421,18 @@ def replay(
     typer.echo(f"{result} reply lines equal")
     if recording.damage:
         raise EmulatorError(f"{recording.damage}; only what stands before was replayed")
+
+
+@contextmanager
+def _stopping(line: Any) -> Iterator[None]:
+    """Leave a standing robot, whatever ends the replay; one in this process ends with it."""
+    try:
+        yield
+    finally:
+        if not hasattr(line, "emulator"):
+            with suppress(OSError):  # the port has failed
+                line.write(b"\nD,0,0\n")
+                line.flush()
 
 
 def _checked(name: str, model: Model) -> Arena:
@@ -464,7 +477,9 @@ def _parse_baud(text: str) -> int | None:
     if text == "unpaced":
         return None
     if not _BAUD.fullmatch(text):
-        raise EmulatorError(f"--baud {text}: give auto, unpaced, or a rate such as 38400")
+        raise EmulatorError(
+            f"--baud {printable(text, 60)}: give auto, unpaced, or a rate such as 38400"
+        )
     return int(text)
 
 
@@ -484,14 +499,15 @@ def _same_robot(ctx: typer.Context, faults: list[str], number: int) -> str:
 def _scripted(script: Path | None) -> list[str]:
     if script is None:
         return []
+    name = printable(str(script), 300)
     try:
         with script.open("rb") as file:
             text = file.read(MAX_SCRIPT + 1).decode()
     except OSError as error:
-        raise EmulatorError(f"cannot read the fault script {script}: {error.strerror}") from None
+        raise EmulatorError(f"cannot read the fault script {name}: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise EmulatorError(
-            f"cannot read the fault script {script}: byte {error.start} is not UTF-8 text"
+            f"cannot read the fault script {name}: byte {error.start} is not UTF-8 text"
         ) from None
     return script_specs(text)
 
@@ -514,7 +530,7 @@ def _numbered_paths(option: str, path: Path | None, count: int, *, stem: bool = 
 def _check_robot(name: str) -> None:
     if not _ROBOT.fullmatch(name):
         raise EmulatorError(
-            f"--robot {name[:100]!r}: a name is made of letters, digits, dots, dashes and"
+            f"--robot {quoted(name)}: a name is made of letters, digits, dots, dashes and"
             " underscores, 64 at most"
         )
 

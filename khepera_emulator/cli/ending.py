@@ -5,7 +5,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Final, Self
 
-from protocol.beginning import INTERRUPTED, signals_to_take
+from protocol.beginning import INTERRUPTED, KEYS, signals_to_take
 
 STATUS: Final = (
     "0 done, or told to end by SIGTERM or SIGHUP; 1 a replay differs; 2 failed, one sentence says"
@@ -37,7 +37,7 @@ class Ending:
     @property
     def status(self) -> int:
         """Exit status of a program that was told to end."""
-        return INTERRUPTED if self.number == signal.SIGINT else 0
+        return INTERRUPTED if self.number in KEYS else 0
 
     def call(self, function: Callable[[], None]) -> None:
         """From now on call a function instead, and do so at once if a signal has come already."""

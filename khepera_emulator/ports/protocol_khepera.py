@@ -37,10 +37,14 @@ from serial.serialutil import PortNotOpenError
 
 from khepera_emulator.clock import on_grid
 from khepera_emulator.line_coding import LineFormat
+from protocol.text import printable
 
 _REPEATABLE = ("fault", "turret", "firmware")
 _OPTIONS = ("seed", "model", "drift", "baud", "dead-man", "robots", "robot", *_REPEATABLE)
 _DIGITS = 18
+_FASTEST = 10_000_000
+"""Bits a second: more than any serial line has."""
+
 _SECONDS = re.compile(r"[0-9]{1,6}(\.[0-9]{0,9})?", re.ASCII)
 _LEAST_DEAD_MAN = 0.01
 _POLL_TIME = 1e-4
@@ -75,7 +79,7 @@ class Serial(SerialBase):
         from khepera_emulator.choices import parse_choices
         from khepera_emulator.drift import parse_drift
         from khepera_emulator.errors import EmulatorError
-        from khepera_emulator.faults import parse_fault
+        from khepera_emulator.faults import parse_faults
         from khepera_emulator.models import find_model
         from khepera_emulator.physics import load_physics
 
@@ -92,7 +96,7 @@ class Serial(SerialBase):
                 drift=parse_drift(options.get("drift", "default")),
                 seed=_whole("seed", options.get("seed", "0")),
                 baud=_rate(self._rate),
-                faults=tuple(map(parse_fault, lists["fault"])),
+                faults=parse_faults(lists["fault"]),
                 turrets=check_turrets(lists["turret"]),
                 choices=parse_choices(lists["firmware"]),
                 dead_man=_dead_man(options.get("dead-man")),
@@ -101,7 +105,9 @@ class Serial(SerialBase):
             robot = _whole("robot", options.get("robot", "1"), most=robots)
             self.emulator = make_fleet(setup, robots)[robot - 1]
         except EmulatorError as error:
-            raise SerialException(f"{self.portstr}: {error}") from None
+            raise SerialException(
+                f"{_shown(str(self.portstr))}: {printable(str(error), 1000)}"
+            ) from None
         self.is_open = True
         self._reconfigure_port()
 
@@ -210,7 +216,9 @@ class Serial(SerialBase):
             if uart.baud != self.baudrate:
                 uart.baud = self.baudrate
         else:
-            uart.client = LineFormat(self.baudrate, self.bytesize, self.parity, self.stopbits)
+            settings = (self.bytesize, self.parity, self.stopbits)
+            # a rate of 0 is none: the client has hung up
+            uart.client = LineFormat(self.baudrate, *settings) if self.baudrate else None
 
     def _open_emulator(self) -> Any:
         if not self.is_open:
@@ -269,7 +277,7 @@ def _split(url: str) -> tuple[str, dict[str, str], dict[str, list[str]]]:
     unknown = [name for name in options if name not in _OPTIONS]
     if unknown:
         raise SerialException(
-            f"{url}: unknown option {unknown[0]!r}; there are {', '.join(_OPTIONS)}"
+            f"{_shown(url)}: unknown option '{_shown(unknown[0])}'; there are {', '.join(_OPTIONS)}"
         )
     lists = {option: [v for name, v in pairs if name == option] for option in _REPEATABLE}
     return unquote(arena, errors="surrogateescape"), options, lists
@@ -278,7 +286,9 @@ def _split(url: str) -> tuple[str, dict[str, str], dict[str, list[str]]]:
 def _whole(name: str, text: str, most: int | None = None) -> int:
     """A whole number; with a limit one from 1 to it."""
     if not (text.isascii() and text.isdecimal() and len(text) <= _DIGITS):
-        raise SerialException(f"{name}={text!r} is not a whole number of up to {_DIGITS} digits")
+        raise SerialException(
+            f"{name}='{_shown(text)}' is not a whole number of up to {_DIGITS} digits"
+        )
     if most is not None and not 1 <= int(text) <= most:
         raise SerialException(f"{name}={text} is not from 1 to {most}")
     return int(text)
@@ -290,7 +300,7 @@ def _dead_man(text: str | None) -> float | None:
         return None
     if not _SECONDS.fullmatch(text) or float(text) < _LEAST_DEAD_MAN:
         raise SerialException(
-            f"dead-man={text!r} is no number of seconds of at least {_LEAST_DEAD_MAN}"
+            f"dead-man='{_shown(text)}' is no number of seconds of at least {_LEAST_DEAD_MAN}"
         )
     return float(text)
 
@@ -299,7 +309,10 @@ def _rate(text: str) -> int | None:
     """Rate in bits a second that an option fixes; None for none."""
     if text in ("auto", "unpaced"):
         return None
-    rate = _whole("baud", text)
-    if rate == 0:
+    if not text.strip("0") and text:
         raise SerialException("baud=0 is no rate; give bits a second, or unpaced")
-    return rate
+    return _whole("baud", text, most=_FASTEST)
+
+
+def _shown(text: str) -> str:
+    return printable(text, 100)

@@ -82,7 +82,7 @@ class PtyPort:
         self._moved = moved
         self._terminal = Terminal()
         self._clients = 0
-        self._kept_back = False
+        self._kept_back = self._known = False
 
     def close(self) -> None:
         """Hang up: clients get an error from now on."""
@@ -119,6 +119,15 @@ class PtyPort:
             EmulatorError: the terminal is lost, and the system gives no other.
         """
         del answered
+        chunks = self._receive(limit)
+        for chunk in chunks:
+            if bool(chunk) != self._known:
+                self._known = bool(chunk)
+                _log.info("%s: %s", self.url, "a client writes" if chunk else "it has left")
+        return chunks
+
+    def _receive(self, limit: int) -> list[bytes]:
+        """What clients have done since the last call, as `receive`."""
         kept_back = self._kept_back
         try:
             data, events = self._look(limit)

@@ -32,20 +32,30 @@ _PENDING_LIMIT: Final = 4096
 """Bytes of commands that wait for a client that does not read; with more it is hung up."""
 
 
+_MOST_REFUSALS: Final = 20
+"""Refused settings of a client that are logged."""
+
+
 class _Device:
     """The serial port that `PortManager` sets: it keeps the settings.
 
     Args:
         purge: called when the client wants what has not set out yet dropped.
+        refused: told a setting that there is none of.
     """
 
     cts = dsr = ri = cd = False
     dtr = rts = True
     break_condition = xonxoff = rtscts = False
 
-    def __init__(self, purge: Callable[[], None]) -> None:
+    def __init__(self, purge: Callable[[], None], refused: Callable[[str], None]) -> None:
         self.format = _FIRST
         self._purge = purge
+        self._refused = refused
+
+    def _refusal(self, setting: str) -> ValueError:
+        self._refused(setting)
+        return ValueError(setting)
 
     @property
     def baudrate(self) -> int:
@@ -55,7 +65,7 @@ class _Device:
     @baudrate.setter
     def baudrate(self, rate: int) -> None:
         if not 0 < rate <= _FASTEST:
-            raise ValueError(f"no rate {rate}")
+            raise self._refusal(f"a rate of {rate}")
         self.format = replace(self.format, baud=rate)
 
     @property
@@ -66,7 +76,7 @@ class _Device:
     @bytesize.setter
     def bytesize(self, bits: int) -> None:
         if bits not in _BITS:
-            raise ValueError(f"no size of {bits} bits")
+            raise self._refusal(f"{bits} data bits")
         self.format = replace(self.format, bits=bits)
 
     @property
@@ -77,7 +87,7 @@ class _Device:
     @parity.setter
     def parity(self, parity: str) -> None:
         if parity not in PARITIES:
-            raise ValueError(f"no parity {parity}")
+            raise self._refusal(f"the parity {parity}")
         self.format = replace(self.format, parity=parity)
 
     @property
@@ -88,7 +98,7 @@ class _Device:
     @stopbits.setter
     def stopbits(self, stop: float) -> None:
         if stop not in _STOPS:
-            raise ValueError(f"not {stop} stop bits")
+            raise self._refusal(f"{stop} stop bits")
         self.format = replace(self.format, stop=stop)
 
     def reset_input_buffer(self) -> None:
@@ -113,10 +123,11 @@ class Rfc2217Port(TcpPort):
 
     def __init__(self, address: str, *, expose: bool = False) -> None:
         super().__init__(address, expose=expose)
-        self._device = _Device(self._ahead.clear)
+        self._device = _Device(self._ahead.clear, self._refused)
         self._manager: rfc2217.PortManager | None = None
         self._pending = bytearray()
         self._after_return = False
+        self._refusals = 0
 
     def settings(self) -> LineFormat | None:
         """What the client has set, or the one before it."""
@@ -143,6 +154,7 @@ class Rfc2217Port(TcpPort):
     def _begin(self) -> None:
         self._pending.clear()
         self._after_return = False
+        self._refusals = 0
         device: Any = self._device
         connection: Any = _Writer(self._put)
         self._manager = rfc2217.PortManager(device, connection)
@@ -180,12 +192,19 @@ class Rfc2217Port(TcpPort):
             out = b"".join(manager.filter(byte))
         except (ValueError, KeyError, TypeError, struct.error):
             # an option without its value, or with one that does not exist
-            _log.info("%s: %s sent a setting that does not exist", self.url, self._peer)
+            self._refused(f"the option {bytes(manager.suboption or b'').hex(' ')}")
             manager.mode, manager.suboption = rfc2217.M_NORMAL, None
             return b""
         if manager.suboption is not None and len(manager.suboption) > _LONGEST_OPTION:
+            self._refused("an option without an end")
             manager.mode, manager.suboption = rfc2217.M_NORMAL, None
         return out
+
+    def _refused(self, what: str) -> None:
+        """Log what the client wants and does not get; of garbage the first few."""
+        self._refusals += 1
+        if self._refusals <= _MOST_REFUSALS:
+            _log.info("%s: %s wants %s, which is refused", self.url, self._peer, what)
 
     def _put(self, data: bytes) -> None:
         """Send what can be sent of a command, keep the rest for later."""

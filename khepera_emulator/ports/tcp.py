@@ -173,10 +173,12 @@ class TcpPort:
         if not self._client:
             return []
         self._read_ahead()
-        broken = self._is_broken()
-        while broken and self._read_ahead():
-            pass
-        left = broken or (self._makes_room() and self._is_time_up())
+        left = False
+        if self._makes_room():  # otherwise reading has told that it is there
+            broken = self._is_broken()
+            while broken and self._read_ahead():
+                pass
+            left = broken or self._is_time_up()
         taken = bytes(self._ahead) if left else bytes(self._ahead[: max(0, limit)])
         del self._ahead[: len(taken)]
         chunks = [taken] if taken else []
@@ -252,13 +254,15 @@ def tcp_address(text: str) -> tuple[str, int]:
     Raises:
         EmulatorError: it is neither.
     """
-    host, colon, port = text.rpartition(":")
+    host, _, port = text.rpartition(":")
+    if host.startswith("[") and host.endswith("]"):
+        host = host[1:-1]
     digits = port.isascii() and port.isdecimal() and len(port) <= _PORT_DIGITS
-    if not (colon and host and digits and int(port) <= _MOST_PORTS):
+    if not (host and digits and int(port) <= _MOST_PORTS):
         raise EmulatorError(
             f"'{printable(text, 60)}' is no address; give HOST:PORT, such as 127.0.0.1:4000"
         )
-    return host.removeprefix("[").removesuffix("]"), int(port)
+    return host, int(port)
 
 
 def shifted(address: str, places: int) -> str:

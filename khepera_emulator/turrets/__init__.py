@@ -12,6 +12,7 @@ from khepera_emulator.turrets.gripper import Gripper
 from khepera_emulator.turrets.k213 import K213
 from khepera_emulator.turrets.radio import Radio, RadioMedium
 from khepera_emulator.turrets.turret import BusTurret, MessageTurret, Site, Turret
+from protocol.text import quoted
 from protocol.turrets import TURRETS
 
 __all__ = ["Equipment", "Rack", "RadioMedium", "Site", "check_turrets", "mount"]
@@ -91,9 +92,11 @@ def check_turrets(names: Sequence[str]) -> tuple[str, ...]:
     """
     for name in names:
         if name not in TURRETS:
-            raise EmulatorError(f"unknown turret {name!r}; there are {', '.join(TURRETS)}")
+            raise EmulatorError(f"unknown turret {quoted(name)}; there are {', '.join(TURRETS)}")
         if names.count(name) > 1:
-            raise EmulatorError(f"turret {name!r} is named twice; a robot carries one of each")
+            raise EmulatorError(
+                f"turret {quoted(name)} is named twice; a robot carries one of each"
+            )
     return tuple(names)
 
 
