@@ -14,16 +14,22 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from khepera_protocol.serial.units import (
+    ACCELERATION_UNIT,
+    CONTROL_PERIOD,
+    PULSE,
+    SPEED_UNIT,
+    WHEEL_BASE,
+)
+from khepera_protocol.zenoh.payloads import Pose, Reset, WheelDrift
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 from page import DOCS, PICTURES, table, write_part
 
-from khepera_emulator.drift import PRESETS
-from macor_hil.odometry import integrate
-from macor_hil.robot import Khepera, open_port
-from protocol.side_channel import Pose, Reset, WheelDrift
-from protocol.units import ACCELERATION_UNIT, CONTROL_PERIOD, PULSE, SPEED_UNIT, WHEEL_BASE
+from khepera_emulator.body.drift import PRESETS
+from macor_hil.hardware.khepera import Khepera, open_port
+from macor_hil.hardware.odometry import integrate
 
 Array = NDArray[np.float64]
 Counts = tuple[float, float]

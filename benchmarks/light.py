@@ -7,18 +7,18 @@ would, and the share of them that is still taken for the same situation is count
 from collections.abc import Callable
 
 import numpy as np
+from khepera_protocol.zenoh.payloads import Reset
 from matplotlib.figure import Figure
 from page import DOCS, PICTURES, table, write_part
 
 from macor_hil.arrays import Image
-from macor_hil.cameras.light import Light, brightness, fog
 from macor_hil.commands import FIRST_COMMAND
-from macor_hil.drive import Driver
-from macor_hil.hardware import open_hardware
+from macor_hil.hardware.cameras.light import Light, brightness, fog
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
-from macor_hil.training import Schedule, Trainer
-from protocol.side_channel import Reset
+from macor_hil.runs.training import Schedule, Trainer
 
 _PICTURES = 100
 _SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3)

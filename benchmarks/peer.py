@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 from figures import Figure
+from khepera_protocol.zenoh.payloads import Reset
 from simulation import AT_WALL, SPOT, STEP, ask
 
-from khepera_emulator.arena import load_arena
-from khepera_emulator.emulator import Emulator, Setup
-from protocol.side_channel import Reset
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.robot.emulator import Emulator, Setup
 
 _STEPS = 300
 

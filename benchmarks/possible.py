@@ -10,19 +10,19 @@ from time import process_time
 from typing import NamedTuple
 
 import numpy as np
+from khepera_protocol.zenoh.payloads import Pose, Reset
 from page import DOCS, report
 
-from khepera_emulator.arena import Arena, arena_names, load_arena
-from khepera_emulator.geometry import FloorPlan
+from khepera_emulator.arenas.arena import Arena, arena_names, load_arena
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.oracle import WIDTHS, LongestDrive, Oracle
-from khepera_emulator.outline import outline
-from khepera_emulator.places import pose_of, random_pose
+from khepera_emulator.routes.oracle import WIDTHS, LongestDrive, Oracle
+from khepera_emulator.world.floor_plan import FloorPlan
+from khepera_emulator.world.free_space import pose_of, random_pose
+from khepera_emulator.world.outline import outline
 from macor_hil.commands import COMMANDS
-from macor_hil.drive import Driver
-from macor_hil.hardware import open_hardware
-from macor_hil.trials import MAX_COMMANDS, Spread
-from protocol.side_channel import Pose, Reset
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
+from macor_hil.runs.trials import MAX_COMMANDS, Spread
 
 _STARTS = 100
 _WIDER = (8 * WIDTHS[-1],)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from page import DOCS, PICTURES, table, write_part
 from recorded import FALL_OFF, KHEPERA2_WALL, KHEPERA_WALL, LAMP, Curve
 
-from khepera_emulator.arena import Arena
-from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.infrared import Infrared
+from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.models import KHEPERA, KHEPERA2, Model
+from khepera_emulator.senses.infrared import Infrared
+from khepera_emulator.world.floor_plan import FloorPlan
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from statistics import median
 
 import serial
 from figures import Figure, percentile
+from khepera_protocol.serial.units import wire_time
 
-from khepera_emulator.uart import INTERPRETER_TIME
-from protocol.units import wire_time
+from khepera_emulator.line.uart import INTERPRETER_TIME
 
 _EXCHANGES = 3000
 _PACED = {9600: 60, 38400: 150, 115200: 300}
@@ -198,7 +198,7 @@ def _processor_time(pid: int) -> float:
 
 @contextmanager
 def _emulator(baud: str) -> Iterator[tuple[str, int]]:
-    options = ("-m", "khepera_emulator.cli", "run", "--no-zenoh", "--arena", "open-box")
+    options = ("-m", "khepera_emulator.app.cli", "run", "--no-zenoh", "--arena", "open-box")
     with _process(*options, "--baud", baud) as (announced, pid):
         yield announced.partition(" on ")[2].partition(",")[0], pid
 

@@ -14,31 +14,31 @@ from statistics import median
 from typing import Final, NamedTuple
 
 from figures import Figure, percentile
+from khepera_protocol.zenoh.payloads import Reset
 from page import DOCS, report
 from rich.progress import track
 from stopwatch import Part
 from timeline import Timeline
 from watching import Recording, recorder_and_dashboard, subscribers
 
-import macor_hil.live_run
-from macor_hil.bench import ZenohBench
-from macor_hil.cameras.checks import CheckedCamera
-from macor_hil.cameras.on_zenoh import ZenohCamera
-from macor_hil.checkpoints import train_map
-from macor_hil.demo import DemoSettings, emulator_process
-from macor_hil.drive import Driver
-from macor_hil.hardware import open_hardware
-from macor_hil.line import Line
+import macor_hil.runs.live_run
+from macor_hil.hardware.bench import ZenohBench
+from macor_hil.hardware.cameras.checks import CheckedCamera
+from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
+from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.line import Line
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.expected import Expected
 from macor_hil.mind.settings import MindSettings
-from macor_hil.robot import Khepera
-from macor_hil.service import ServiceConfig, serve
+from macor_hil.runs.checkpoints import train_map
+from macor_hil.runs.demo import DemoSettings, emulator_process
+from macor_hil.runs.service import ServiceConfig, serve
+from macor_hil.runs.training import Schedule
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
-from macor_hil.training import Schedule
-from protocol.side_channel import Reset
 
 _ROUNDS: Final = 6
 _COMMANDS: Final = 14
@@ -57,8 +57,8 @@ _PARTS: Final[tuple[tuple[str, Part], ...]] = (
     ("situation: Fuzzy ART, memberships", (Brain, "recognise")),
     ("situation: Fuzzy ART, memberships", (Brain, "memberships")),
     *((_TELLING, (Publisher, name)) for name in ("frame", "decision", "link", "state")),
-    (_TELLING, (macor_hil.live_run, "decision_of")),
-    (_TELLING, (macor_hil.live_run, "link_of")),
+    (_TELLING, (macor_hil.runs.live_run, "decision_of")),
+    (_TELLING, (macor_hil.runs.live_run, "link_of")),
     ("planning", (Expected, "plan")),
     ("setting the speed profile: an exchange on the line", (Khepera, "set_profile")),
 )

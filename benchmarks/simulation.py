@@ -9,15 +9,15 @@ from time import process_time
 from typing import NamedTuple
 
 from figures import Figure
+from khepera_protocol.zenoh.payloads import Pose, Reset
 from stopwatch import Part, Stopwatch
 
-from khepera_emulator.arena import load_arena
-from khepera_emulator.contact import Contact
-from khepera_emulator.emulator import Emulator, Setup, make_fleet
-from khepera_emulator.infrared import Infrared
-from khepera_emulator.motors import Wheel
-from khepera_emulator.renderers.skyline import SkylineRenderer
-from protocol.side_channel import Pose, Reset
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.body.contact import Contact
+from khepera_emulator.body.motors import Wheel
+from khepera_emulator.robot.emulator import Emulator, Setup, make_fleet
+from khepera_emulator.senses.infrared import Infrared
+from khepera_emulator.senses.renderers.skyline import SkylineRenderer
 
 STEP = 0.020
 """Seconds of simulated time between two looks at the robot."""

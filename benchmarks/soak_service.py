@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from khepera_protocol.zenoh.payloads import Reset
 from page import DOCS, table, write_part
 from rich.console import Console
 from rig import Rig, rig
@@ -28,7 +29,6 @@ from short_training import train_shortly
 from macor_hil.errors import BenchError
 from macor_hil.telemetry.feed import Feed
 from macor_hil.telemetry.session import open_session
-from protocol.side_channel import Reset
 
 _SPEED: Final = 10.0
 _HOUR: Final = 3600.0

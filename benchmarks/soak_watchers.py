@@ -26,16 +26,16 @@ from typing import Any, Final
 
 import socketio
 from emulator_process import EmulatorProcess, free_endpoint
+from khepera_protocol.zenoh.payloads import Reset
 from page import DOCS, table, write_part
 from rich.console import Console
 from rig import Controller
 from short_training import train_shortly
 from soak_service import Use, use_of
 
-from macor_hil.bench import ZenohBench
 from macor_hil.errors import BenchError
+from macor_hil.hardware.bench import ZenohBench
 from macor_hil.telemetry.session import open_session
-from protocol.side_channel import Reset
 
 _ROBOTS: Final = 8
 _SPEED: Final = 5.0

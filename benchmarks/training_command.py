@@ -9,19 +9,19 @@ from figures import Figure
 from planning import in_neuron
 from stopwatch import Part, Stopwatch
 
-from khepera_emulator.robot import Robot
-from macor_hil.bench import PortBench
-from macor_hil.cameras import PortCamera
-from macor_hil.drive import Driver
-from macor_hil.hardware import open_hardware
+from khepera_emulator.robot.robot import Robot
+from macor_hil.hardware.bench import PortBench
+from macor_hil.hardware.cameras import PortCamera
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
+from macor_hil.hardware.khepera import Khepera
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.planners.anticipative import Anticipative
 from macor_hil.mind.planners.reactive import Reactive
-from macor_hil.robot import Khepera
-from macor_hil.training import Phase, Schedule, Session, Trainer
+from macor_hil.runs.training import Phase, Schedule, Session, Trainer
 
 _TUNING, _RANDOM, _COMMANDS = 150, 600, 100
 _PLANS = 40

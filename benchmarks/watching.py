@@ -11,13 +11,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 from figures import Figure
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.payloads import Stamp
 
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival
-from macor_hil.telemetry.recording import Recorder
+from macor_hil.telemetry.recordings.recording import Recorder
 from macor_hil.telemetry.schemas import Decision
-from protocol.mirror import Mirror
-from protocol.side_channel import Stamp
 
 _PAIRS = 2000
 _PAGE = 18457

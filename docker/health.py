@@ -6,8 +6,7 @@ python health.py tcp/127.0.0.1:7447 'khepera/*/alive'
 import sys
 
 import zenoh
-
-from protocol.zenoh_config import zenoh_config
+from khepera_protocol.zenoh.config import zenoh_config
 
 PATIENCE = 3.0
 """Seconds that the answer may take."""

@@ -4,17 +4,17 @@ import sys
 from itertools import groupby
 from pathlib import Path
 
+from khepera_protocol.serial.commands import COMMANDS, TOOLS, Beyond, Field
 from typer.main import get_command
 from typer.testing import CliRunner
 
-import khepera_emulator.cli
+import khepera_emulator.app.cli
 import macor_hil.cli
 from macor_hil.telemetry.keys_page import keys_page
-from protocol.commands import COMMANDS, TOOLS, Beyond, Field
 
 DOCS = Path(__file__).parent
 
-PROGRAMS = {"macor-hil": macor_hil.cli.app, "khepera-emulator": khepera_emulator.cli.app}
+PROGRAMS = {"macor-hil": macor_hil.cli.app, "khepera-emulator": khepera_emulator.app.cli.app}
 
 _NARROW = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 
@@ -46,9 +46,9 @@ def protocol_page() -> str:
         "# The serial protocol",
         "",
         "The requests that a Khepera answers, from the table that both ends are built on",
-        "(`protocol/commands.py`; `python docs/generate.py` writes this page). A request is a",
-        "letter and its numbers, separated by commas, and ends with CR or LF; the reply begins",
-        "with the letter in lower case and ends with CR LF. What is no request gets",
+        "(`khepera_protocol.serial.commands`; `python docs/generate.py` writes this page). A",
+        "request is a letter and its numbers, separated by commas, and ends with CR or LF; the",
+        "reply begins with the letter in lower case and ends with CR LF. What is no request gets",
         "`z,Protocol error`. Where the manual is silent, see [choices](khepera-choices.md).",
         "",
         "| letter | command | request | reply |",

@@ -10,8 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any, Final
 
+from khepera_protocol.text import quoted
+
 from khepera_emulator.errors import EmulatorError
-from protocol.text import quoted
 
 _VERSION: Final = re.compile(r"[0-9]\.[0-9]{2}", re.ASCII)
 _TEXT: Final = re.compile(r"[ -~]{1,60}")

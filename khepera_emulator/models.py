@@ -9,8 +9,9 @@ from math import radians
 from types import MappingProxyType
 from typing import Final
 
+from khepera_protocol.text import quoted
+
 from khepera_emulator.errors import EmulatorError
-from protocol.text import quoted
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,9 @@ import os
 from collections.abc import Collection
 from pathlib import Path
 
+from khepera_protocol.text import printable
+
 from khepera_emulator.errors import EmulatorError
-from protocol.text import printable
 
 
 def check_name(option: str, path: Path) -> None:

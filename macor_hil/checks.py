@@ -15,6 +15,7 @@ from math import isfinite
 from typing import Any, Final
 
 import numpy as np
+from khepera_protocol.mirror import Mirror
 
 from macor_hil.arrays import Array, Image, State
 from macor_hil.commands import COMMANDS
@@ -26,7 +27,6 @@ from macor_hil.mind.eyes.eyes import Eyes
 from macor_hil.mind.memories.memory import Memory
 from macor_hil.mind.planners.planner import Plan
 from macor_hil.mind.settings import MindSettings, make_part
-from protocol.mirror import Mirror
 
 _NODES: Final = 8
 _FEATURES: Final = 12

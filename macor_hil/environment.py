@@ -25,21 +25,21 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import InvalidAction
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.text import printable
+from khepera_protocol.zenoh.payloads import Pose, Reset
 from numpy.typing import NDArray
 
-from macor_hil.cameras import Frame
 from macor_hil.commands import COMMANDS, LEFT, STRAIGHT, MotorCommand
-from macor_hil.drive import Driver, DriveSettings, Outcome
 from macor_hil.errors import MacorError
-from macor_hil.hardware import is_embedded, open_hardware
+from macor_hil.hardware.cameras import Frame
+from macor_hil.hardware.devices import is_embedded, open_hardware
+from macor_hil.hardware.driver import Driver, DriveSettings, Outcome
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.mind.reinforcement import Reinforcement
-from macor_hil.trials import MAX_COMMANDS, Spread
-from macor_hil.watchdog import stopped_after
-from protocol.mirror import Mirror
-from protocol.side_channel import Pose, Reset
-from protocol.text import printable
+from macor_hil.runs.trials import MAX_COMMANDS, Spread
+from macor_hil.safety.watchdog import stopped_after
 
 LONGEST_HOLD: Final = 0.5
 """Seconds beyond a step for which a physical robot may hold its wheel speeds."""
@@ -79,7 +79,7 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
 
     Args:
         port: serial device or pySerial URL; `khepera://` is a robot in this process.
-        camera: see `macor_hil.cameras`.
+        camera: see `macor_hil.hardware.cameras`.
         observation: one of `Observation`.
         start: one of `Start`.
         fields: the receptive fields; none: untuned ones. A map holds tuned ones.

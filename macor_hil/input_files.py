@@ -17,12 +17,11 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeVar
 
 import numpy as np
+from khepera_protocol.text import printable
+from khepera_protocol.validation import first_fault
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import to_json
-
-from protocol.text import printable
-from protocol.validation import first_fault
 
 T = TypeVar("T")
 

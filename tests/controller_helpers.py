@@ -6,8 +6,9 @@ from queue import SimpleQueue
 
 import numpy as np
 from emulator_process import PATIENCE, free_endpoint
+from khepera_protocol.zenoh.payloads import Pose
 
-from macor_hil.cameras import Frame
+from macor_hil.hardware.cameras import Frame
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.schemas import (
     Ahead,
@@ -20,7 +21,6 @@ from macor_hil.telemetry.schemas import (
     State,
 )
 from macor_hil.telemetry.session import open_session
-from protocol.side_channel import Pose
 
 
 def a_decision(sequence=0, **changes):

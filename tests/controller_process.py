@@ -12,12 +12,12 @@ import sys
 import time
 from pathlib import Path
 
-from macor_hil import service
-from macor_hil.drive import DriveSettings
 from macor_hil.errors import MacorError
+from macor_hil.hardware.driver import DriveSettings
+from macor_hil.hardware.khepera import Khepera
 from macor_hil.mind.planners.planner import Plan
 from macor_hil.mind.planners.reactive import Reactive
-from macor_hil.robot import Khepera
+from macor_hil.runs import service
 
 SLOW = 2.5
 

@@ -30,7 +30,7 @@ import sys
 from functools import partial
 import gymnasium
 import macor_hil.environment as environments
-from macor_hil.drive import DriveSettings
+from macor_hil.hardware.driver import DriveSettings
 port, pictures, baud, name = sys.argv[1:]
 environments.open_hardware = partial(environments.open_hardware, baud=int(baud))
 env = gymnasium.make(

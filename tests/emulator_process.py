@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-COMMAND = (sys.executable, "-m", "khepera_emulator.cli", "run")
+COMMAND = (sys.executable, "-m", "khepera_emulator.app.cli", "run")
 PATIENCE = 30.0
 """Seconds after which a test gives up waiting for what must come."""
 

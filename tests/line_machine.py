@@ -18,12 +18,12 @@ from hypothesis.stateful import (
     precondition,
     rule,
 )
+from khepera_protocol.serial.commands import COMMANDS
+from khepera_protocol.serial.messages import Request, parse_reply
+from khepera_protocol.zenoh.payloads import Reset
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator.geometry import FloorPlan
-from protocol.commands import COMMANDS
-from protocol.messages import Request, parse_reply
-from protocol.side_channel import Reset
+from khepera_emulator.world.floor_plan import FloorPlan
 
 TIMEOUT = 2.0
 """Seconds of the robot's time that a reply may take; virtual, they cost little."""

@@ -16,12 +16,12 @@ import cv2
 import numpy as np
 import zenoh
 from emulator_process import PATIENCE, EmulatorProcess, free_endpoint
+from khepera_protocol.zenoh.payloads import Reset
 from router import Router
 
-from macor_hil.bench import ZenohBench
 from macor_hil.errors import BenchError
+from macor_hil.hardware.bench import ZenohBench
 from macor_hil.telemetry.session import open_session
-from protocol.side_channel import Reset
 
 MOVING = 0.012
 """m/s: the wheels turn; a command at speed 2 has just begun."""

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from macor_hil.checkpoints import train_map
-from macor_hil.drive import Driver
-from macor_hil.hardware import open_hardware
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
 from macor_hil.mind.settings import MindSettings
-from macor_hil.training import Schedule
+from macor_hil.runs.checkpoints import train_map
+from macor_hil.runs.training import Schedule
 
 OPEN_BOX = "khepera://open-box?seed=1&drift=none"
 

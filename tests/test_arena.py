@@ -6,16 +6,16 @@ from math import hypot
 import numpy as np
 import pybullet
 import pytest
+from khepera_protocol.zenoh.payloads import Pose
 from worlds import gap_in, reachable
 
-from khepera_emulator.arena import arena_names, load_arena
-from khepera_emulator.cli import app
+from khepera_emulator.app.cli import app
+from khepera_emulator.arenas.arena import arena_names, load_arena
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA, KHEPERA2
-from khepera_emulator.places import check_room, pose_of, random_pose
-from khepera_emulator.world import World
-from protocol.side_channel import Pose
+from khepera_emulator.world.floor_plan import FloorPlan
+from khepera_emulator.world.free_space import check_room, pose_of, random_pose
+from khepera_emulator.world.world import World
 
 COMMAND_WAY = 0.021
 """Metres of one straight command of the paper's controller."""

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from khepera_emulator.bell import Bell
+from khepera_emulator.ports.bell import Bell
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from dashboard_process import PATIENCE, dashboard
 from watching_helpers import a_life
 
 from macor_hil.telemetry.feed import Arrival
-from macor_hil.telemetry.replay import Stage
+from macor_hil.telemetry.recordings.player import Stage
 from macor_hil.telemetry.session import open_session
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -149,7 +149,7 @@ def hosts(browser):
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    from macor_hil.telemetry.recording import Recorder
+    from macor_hil.telemetry.recordings.recording import Recorder
 
     path = tmp_path_factory.mktemp("recording") / "drive.mcap"
     with Recorder(path, "khepera") as recorder:

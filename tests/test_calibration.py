@@ -10,16 +10,23 @@ from math import inf, nan, pi
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from khepera_protocol.serial.units import PULSE, WHEEL_BASE
+from khepera_protocol.zenoh.payloads import Pose, Reset
 
-from macor_hil.calibration import Move, Run, drive_all, drive_move, fit_wheels, moves
-from macor_hil.drive import Driver
 from macor_hil.errors import CalibrationError
-from macor_hil.hardware import open_hardware
-from macor_hil.odometry import Wheels, integrate
-from macor_hil.profile import load_profile
-from macor_hil.rulers import BenchRuler, Hands
-from protocol.side_channel import Pose, Reset
-from protocol.units import PULSE, WHEEL_BASE
+from macor_hil.hardware.calibration.course import (
+    Move,
+    Run,
+    drive_all,
+    drive_move,
+    fit_wheels,
+    moves,
+)
+from macor_hil.hardware.calibration.measuring import BenchRuler, Hands
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
+from macor_hil.hardware.odometry import Wheels, integrate
+from macor_hil.hardware.profile import load_profile
 
 FLOOR = """
 version = 1

@@ -6,14 +6,14 @@ from math import pi
 import numpy as np
 import pybullet
 import pytest
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.payloads import Pose
 
-from khepera_emulator.arena import Arena, load_arena
-from khepera_emulator.camera import HEIGHT, OmniCamera
-from khepera_emulator.renderers.faces import FacesRenderer
-from khepera_emulator.renderers.skyline import SkylineRenderer, suits
-from khepera_emulator.world import World
-from protocol.mirror import Mirror
-from protocol.side_channel import Pose
+from khepera_emulator.arenas.arena import Arena, load_arena
+from khepera_emulator.senses.camera import HEIGHT, OmniCamera
+from khepera_emulator.senses.renderers.faces import FacesRenderer
+from khepera_emulator.senses.renderers.skyline import SkylineRenderer, suits
+from khepera_emulator.world.world import World
 
 RED, GREEN, BLUE, YELLOW = (2,), (1,), (0,), (1, 2)
 MIRROR = Mirror()

@@ -12,11 +12,9 @@ import numpy as np
 import pytest
 import zenoh
 from controller_helpers import PATIENCE, free_endpoint, watching
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.payloads import Stamp
 
-from macor_hil.cameras import Frame, open_camera
-from macor_hil.cameras.checks import CheckedCamera, PictureLimits, limits_for
-from macor_hil.cameras.live_video import LiveVideoCamera, is_device
-from macor_hil.cameras.watch import CameraWatch
 from macor_hil.errors import (
     CameraDarkError,
     CameraError,
@@ -27,9 +25,11 @@ from macor_hil.errors import (
     CameraSourceError,
     WrongPictureError,
 )
+from macor_hil.hardware.cameras import Frame, open_camera
+from macor_hil.hardware.cameras.checks import CheckedCamera, PictureLimits, limits_for
+from macor_hil.hardware.cameras.live_video import LiveVideoCamera, is_device
+from macor_hil.hardware.cameras.watchdog import CameraWatch
 from macor_hil.telemetry.session import open_session
-from protocol.mirror import Mirror
-from protocol.side_channel import Stamp
 
 
 def noise(seed=0, shape=(16, 16, 3)):
@@ -115,7 +115,9 @@ class FakeCapture:
 
 def test_a_live_video_gives_no_picture_that_was_begun_before_it_was_asked_for(monkeypatch):
     waits = threading.Semaphore(0)
-    monkeypatch.setattr("macor_hil.cameras.live_video.time.sleep", lambda _: waits.release())
+    monkeypatch.setattr(
+        "macor_hil.hardware.cameras.live_video.time.sleep", lambda _: waits.release()
+    )
     device = FakeCapture()
     camera = LiveVideoCamera("0", lambda _: device)
     device.reads.acquire()  # it is being read
@@ -212,7 +214,7 @@ class StreamServer:
 
 
 def test_a_network_camera_that_goes_silent_is_opened_again_within_seconds(monkeypatch):
-    monkeypatch.setattr("macor_hil.cameras.video._SILENCE", 0.5)
+    monkeypatch.setattr("macor_hil.hardware.cameras.video._SILENCE", 0.5)
     with closing(StreamServer(cv2.imencode(".jpg", noise(shape=(64, 64, 3)))[1].tobytes())) as net:
         camera = LiveVideoCamera(net.address)
         before = camera.grab()
@@ -489,7 +491,7 @@ def test_a_recording_may_show_the_same_picture_again():
 
 def test_a_picture_that_takes_too_long_is_late(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("macor_hil.cameras.checks.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("macor_hil.hardware.cameras.checks.time.monotonic", lambda: now[0])
 
     def take():
         now[0] += 0.6

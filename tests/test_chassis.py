@@ -4,13 +4,13 @@ from math import degrees, pi, radians
 
 import numpy as np
 import pytest
+from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 
-from khepera_emulator.arena import Arena
-from khepera_emulator.chassis import Chassis
+from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.models import KHEPERA, KHEPERA2
-from khepera_emulator.robot import Robot
-from khepera_emulator.world import World
-from protocol.side_channel import Pose, WheelDrift
+from khepera_emulator.robot.robot import Robot
+from khepera_emulator.world.world import World
 
 NO_DRIFT = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
 

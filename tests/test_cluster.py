@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from macor_hil.errors import MacorError
-from macor_hil.experiments.recording import Drive
-from macor_hil.experiments.runner import reproduce
-from macor_hil.experiments.systems import Course
+from macor_hil.experiments.drives.course import Course
+from macor_hil.experiments.drives.training_drive import Drive
+from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.experiments.table1 import TABLE1
 from macor_hil.mind.settings import MindSettings
 
@@ -45,6 +45,6 @@ def test_workers_of_a_cluster_give_the_same_bytes(tmp_path: Path) -> None:
 def test_a_cluster_that_is_not_there_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("macor_hil.experiments.engine._PATIENCE", "300ms")
+    monkeypatch.setattr("macor_hil.experiments.sweep.engine._PATIENCE", "300ms")
     with pytest.raises(MacorError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
         reproduce([TINY], 1, 1, tmp_path, silent, "tcp://127.0.0.1:9")

@@ -5,12 +5,12 @@ from math import cos, degrees, hypot, radians, sin
 import numpy as np
 import pybullet
 import pytest
+from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 from worlds import arena
 
-from khepera_emulator.chassis import Chassis
+from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.models import KHEPERA, KHEPERA2
-from khepera_emulator.world import World
-from protocol.side_channel import Pose, WheelDrift
+from khepera_emulator.world.world import World
 
 IDEAL = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
 AHEAD = [{"points": [[0.105, -3.0], [0.105, 3.0]]}]

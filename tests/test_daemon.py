@@ -17,20 +17,20 @@ from pathlib import Path
 import pytest
 import serial
 from emulator_process import COMMAND, PATIENCE, EmulatorProcess, emulator, link_options
+from khepera_protocol.serial.units import wire_time
 from unprivileged import enter_from_outside
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator.arena import load_arena
-from khepera_emulator.cli.program import run
+from khepera_emulator.app.cli.program import run
+from khepera_emulator.app.daemon import Daemon, _Line
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.body.drift import PRESETS
 from khepera_emulator.clock import Clock
-from khepera_emulator.daemon import Daemon, _Line
-from khepera_emulator.drift import PRESETS
-from khepera_emulator.emulator import Emulator, Setup
+from khepera_emulator.line.uart import INTERPRETER_TIME
 from khepera_emulator.ports import tcp
 from khepera_emulator.ports.pty import PtyPort
 from khepera_emulator.ports.tcp import TcpPort, tcp_address
-from khepera_emulator.uart import INTERPRETER_TIME
-from protocol.units import wire_time
+from khepera_emulator.robot.emulator import Emulator, Setup
 
 VERSION = b"b,5.01,5.00\r\n"
 
@@ -296,8 +296,8 @@ class TestEnd:
     def test_signal_ends_it_cleanly_before_it_is_ready(self, tmp_path, number, status, step):
         """A signal that comes with one of the steps to a running robot."""
         script = (
-            "import os, sys, khepera_emulator.cli.commands, khepera_emulator.emulator\n"
-            "from khepera_emulator.cli import main\n"
+            "import os, sys, khepera_emulator.app.cli.commands, khepera_emulator.robot.emulator\n"
+            "from khepera_emulator.app.cli import main\n"
             f"module = khepera_emulator.{'emulator' if step == 'make_fleet' else 'cli.commands'}\n"
             f"do = module.{step}\n"
             "def disturbed(*arguments, **options):\n"
@@ -418,9 +418,13 @@ UNPRIVILEGED = """
 import sys
 import serial
 from unprivileged import give_up_root
-from khepera_emulator.arena import arena_names
-from khepera_emulator.cli import commands, program
-from khepera_emulator import daemon, emulator, side_channel, turrets
+from khepera_emulator.arenas.arena import arena_names
+from khepera_emulator.app.cli import commands
+from khepera_emulator.app.cli import program
+from khepera_emulator.app import daemon
+from khepera_emulator.robot.robot import emulator
+from khepera_emulator.app import side_channel
+from khepera_emulator import turrets
 arena_names()
 give_up_root()
 sys.exit(program.run())

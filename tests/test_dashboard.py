@@ -7,17 +7,17 @@ from math import radians
 
 import pytest
 from controller_helpers import a_decision, a_state
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
+from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire, WireEntry
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts, ticks
 from macor_hil.monitor.dashboard.failures import Failures, OnceEach
 from macor_hil.monitor.dashboard.sources import Player
-from macor_hil.monitor.watched import Controlled, Emulated, Watched
+from macor_hil.monitor.robot_state import Controlled, Emulated, Watched
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Presence
 from macor_hil.telemetry.schemas import Phase
-from protocol.keys import CONTROLLER, EMULATOR
-from protocol.side_channel import Outline, Pose, Truth, Wire, WireEntry
 
 
 def parsed(svg):

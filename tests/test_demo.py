@@ -11,9 +11,9 @@ from drives import MACOR_HIL
 from emulator_process import PATIENCE
 from short_training import train_shortly
 
-from macor_hil import demo
-from macor_hil.demo import DemoSettings, emulator_process, reserved
 from macor_hil.errors import BenchError
+from macor_hil.runs import demo
+from macor_hil.runs.demo import DemoSettings, emulator_process, reserved
 from macor_hil.telemetry.session import open_session
 
 

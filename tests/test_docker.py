@@ -9,17 +9,17 @@ from pathlib import Path
 
 import pytest
 from emulator_process import PATIENCE, emulator, free_endpoint
-from ruamel.yaml import YAML
-from typer.testing import CliRunner
-
-from khepera_emulator.cli import app as emulator_app
-from macor_hil.cli import app as controller_app
-from protocol.side_channel import (
+from khepera_protocol.zenoh.payloads import (
     CONTROLLER_ENDPOINT,
     DEFAULT_ENDPOINT,
     controller_key,
     robot_key,
 )
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
+
+from khepera_emulator.app.cli import app as emulator_app
+from macor_hil.cli import app as controller_app
 
 ROOT = Path(__file__).parent.parent
 DOCKERFILE = (ROOT / "docker" / "Dockerfile").read_text("utf-8").replace("\\\n", " ")

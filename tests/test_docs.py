@@ -15,7 +15,7 @@ from docs_runner import ELSEWHERE, PROGRAMS, ROOT, blocks, elsewhere
 from emulator_process import PATIENCE
 from typer.testing import CliRunner
 
-from khepera_emulator.cli import app as emulator
+from khepera_emulator.app.cli import app as emulator
 from macor_hil.cli import app as controller
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -4,16 +4,22 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
+from khepera_protocol.serial.units import PULSE
+from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 
-from khepera_emulator.arena import Arena
-from khepera_emulator.chassis import Chassis
-from khepera_emulator.drift import PRESETS, DriftSettings, draw_drift, parse_drift, slip_sequence
+from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.body.chassis import Chassis
+from khepera_emulator.body.drift import (
+    PRESETS,
+    DriftSettings,
+    draw_drift,
+    parse_drift,
+    slip_sequence,
+)
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.robot import Robot
-from khepera_emulator.world import World
-from protocol.side_channel import Pose, WheelDrift
-from protocol.units import PULSE
+from khepera_emulator.robot.robot import Robot
+from khepera_emulator.world.world import World
 
 ORIGIN = Pose(x=0.0, y=0.0, heading=0.0)
 

@@ -4,12 +4,12 @@ import signal
 from math import hypot, pi
 
 import pytest
+from khepera_protocol.serial.units import PULSE
 
 from macor_hil.commands import STRAIGHT
-from macor_hil.drive import LEASH, Driver
 from macor_hil.errors import RobotError
-from macor_hil.hardware import open_hardware
-from protocol.units import PULSE
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import LEASH, Driver
 
 PORT = "khepera://open-box?seed=1&drift=none"
 STANDING = 0.004

@@ -4,15 +4,15 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
+from khepera_protocol.zenoh.payloads import Pose, Reset
 from worlds import arena, reachable
 
-from khepera_emulator.arena import arena_names, load_arena
-from khepera_emulator.emulator import Setup, make_fleet
-from khepera_emulator.enclosure import Enclosure
+from khepera_emulator.arenas.arena import arena_names, load_arena
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.geometry import FloorPlan
 from khepera_emulator.models import KHEPERA2, MODELS
-from protocol.side_channel import Pose, Reset
+from khepera_emulator.robot.emulator import Setup, make_fleet
+from khepera_emulator.world.enclosure import Enclosure
+from khepera_emulator.world.floor_plan import FloorPlan
 
 RADIUS = KHEPERA2.radius
 ROOM = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]

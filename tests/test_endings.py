@@ -16,11 +16,11 @@ from drives import MACOR_HIL, STATUSES, WAYS_OUT, Drive
 from emulator_process import PATIENCE, emulator, free_endpoint
 from short_training import train_shortly
 
-from macor_hil.claim import claim, lock_of
 from macor_hil.cli import program
 from macor_hil.cli.ending import SUMMARY, Status
 from macor_hil.errors import MacorError
 from macor_hil.mind.map_file import write_atomically
+from macor_hil.safety.claim import claim, lock_of
 
 ENDS = [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0)]
 DOCS = Path(__file__).parent.parent / "docs"
@@ -351,7 +351,7 @@ def refuse(arguments, says, folder, monkeypatch, capfd):
 
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "argv", ["macor-hil", *arguments])
-    monkeypatch.setattr("macor_hil.hardware.open_port", opened)
+    monkeypatch.setattr("macor_hil.hardware.devices.open_port", opened)
     before = sorted(folder.iterdir())
     assert program.run() == Status.FAILED
     (said,) = capfd.readouterr().err.splitlines()

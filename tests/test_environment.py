@@ -279,7 +279,7 @@ def test_the_robot_stands_when_the_environment_is_closed():
 A_LEARNER = """
 import os, signal, sys, threading, time
 import gymnasium, numpy as np
-from macor_hil.robot import Khepera
+from macor_hil.hardware.khepera import Khepera
 env = gymnasium.make(
     "macor_hil.environment:khepera/Wheels-v0", port=sys.argv[1], camera=f"images:{{sys.argv[2]}}"
 )

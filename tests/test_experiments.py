@@ -18,28 +18,35 @@ import pytest
 from planning import square
 
 from macor_hil.cli import learning
-from macor_hil.drive import Driver
 from macor_hil.errors import MacorError
-from macor_hil.experiments import catalogue, sources
-from macor_hil.experiments import recording as recording_module
-from macor_hil.experiments.blocks import Table
+from macor_hil.experiments import catalogue
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
+from macor_hil.experiments.drives import training_drive as recording_module
+from macor_hil.experiments.drives.course import Course, relearn
+from macor_hil.experiments.drives.training_drive import (
+    PUT_DOWN,
+    Drive,
+    Recording,
+    Recordings,
+    record,
+)
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.figure3 import FIGURE3
 from macor_hil.experiments.figure4 import FIGURE4
-from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings, record
-from macor_hil.experiments.results import ResultsFile, only_one
-from macor_hil.experiments.runner import COSTS, reproduce
-from macor_hil.experiments.sources import bare_code, code_of, digest
-from macor_hil.experiments.systems import Course, relearn
+from macor_hil.experiments.report.blocks import Table
+from macor_hil.experiments.results.code_digest import bare_code, code_of, digest
+from macor_hil.experiments.results.store import ResultsFile, only_one
+from macor_hil.experiments.results.store import code_digest as sources
+from macor_hil.experiments.sweep.runner import COSTS, reproduce
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
-from macor_hil.hardware import open_hardware
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
 from macor_hil.mind.catalogue import build_brain, whereabouts
 from macor_hil.mind.clusterers.neural_gas import Breadth
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.mind.settings import MindSettings
-from macor_hil.training import Schedule, Session, Trainer
+from macor_hil.runs.training import Schedule, Session, Trainer
 
 DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))
 COURSE = Course(trials=2, commands=2)
@@ -278,11 +285,15 @@ def test_comments_and_docstrings_do_not_count_as_code() -> None:
     assert bare_code("def f(x):\n    return x + 2\n") != plain
 
 
-OURS = ("protocol", "khepera_emulator", "macor_hil")
+OURS = ("khepera_protocol", "khepera_emulator", "macor_hil")
 
-REPORTS = {f"macor_hil.experiments.{name}" for name in ("blocks", "drawing", "experiment")} | {
-    "macor_hil.experiments.statistics",
-    "macor_hil.pictures",
+REPORTS = {
+    "macor_hil.experiments.experiment",
+    "macor_hil.experiments.report",
+    "macor_hil.experiments.report.blocks",
+    "macor_hil.experiments.report.drawing",
+    "macor_hil.experiments.report.statistics",
+    "macor_hil.monitor.pictures",
 }
 """What experiments draw and tell with."""
 
@@ -300,10 +311,10 @@ def loaded_by(program: str) -> set[str]:
 
 def test_all_code_counts_that_a_drive_loads() -> None:
     loaded = loaded_by(
-        "from macor_hil.hardware import open_hardware; import macor_hil.training\n"
+        "from macor_hil.hardware.devices import open_hardware; import macor_hil.runs.training\n"
         "with open_hardware('khepera://corridor') as h: h.camera.grab(), h.bench.truth()"
     )
-    assert "khepera_emulator.world" in loaded
+    assert "khepera_emulator.world.world" in loaded
     assert loaded <= set(code_of(record))
 
 
@@ -311,7 +322,7 @@ def test_all_code_counts_that_a_drive_loads() -> None:
 def test_all_code_counts_that_an_experiment_loads_but_its_report(name: str) -> None:
     (experiment,) = (each for each in EXPERIMENTS if each.name == name)
     loaded = loaded_by(f"import {experiment.trial.__module__}")
-    assert "macor_hil.training" in loaded
+    assert "macor_hil.runs.training" in loaded
     counted = set(code_of(experiment.trial, whereabouts(experiment.settings.drive.brain)))
     assert loaded - counted <= REPORTS | {"macor_hil.experiments.table1"}
     assert not counted & REPORTS
@@ -337,30 +348,30 @@ def longer(name: str) -> Callable[[str], str]:
 @pytest.mark.parametrize(
     ("file", "edit", "drives", "results"),
     [
-        ("khepera_emulator/motors.py", extended, True, True),
+        ("khepera_emulator/body/motors.py", extended, True, True),
         ("khepera_emulator/ports/protocol_khepera.py", extended, True, True),
         ("macor_hil/mind/brain.py", extended, True, True),
-        ("macor_hil/training.py", extended, True, True),
-        ("macor_hil/experiments/recording.py", longer("record"), True, True),
-        ("macor_hil/experiments/systems.py", extended, False, True),
-        ("macor_hil/experiments/learning.py", longer("learn_all"), False, True),
+        ("macor_hil/runs/training.py", extended, True, True),
+        ("macor_hil/experiments/drives/training_drive.py", longer("record"), True, True),
+        ("macor_hil/experiments/drives/course.py", extended, False, True),
+        ("macor_hil/experiments/drives/systems.py", longer("learn_all"), False, True),
         ("macor_hil/mind/planners/expected.py", extended, False, True),
         ("macor_hil/mind/memories/q_map.py", extended, False, True),
         ("macor_hil/experiments/table1.py", longer("trial"), False, True),
         ("macor_hil/experiments/table1.py", longer("draw_table"), False, False),
         ("macor_hil/experiments/table1.py", longer("tell_figure"), False, False),
         ("macor_hil/experiments/table1.py", extended, False, False),
-        ("macor_hil/experiments/drawing.py", extended, False, False),
-        ("macor_hil/experiments/statistics.py", extended, False, False),
-        ("macor_hil/experiments/report.py", extended, False, False),
+        ("macor_hil/experiments/report/drawing.py", extended, False, False),
+        ("macor_hil/experiments/report/statistics.py", extended, False, False),
+        ("macor_hil/experiments/sweep/pages.py", extended, False, False),
         ("macor_hil/experiments/figure2.py", longer("trial"), False, False),
         ("macor_hil/mind/clusterers/neural_gas.py", extended, False, False),
-        ("macor_hil/pictures.py", extended, False, False),
+        ("macor_hil/monitor/pictures.py", extended, False, False),
         ("macor_hil/ros2/bridge.py", extended, False, False),
         ("macor_hil/telemetry/publisher.py", extended, False, False),
-        ("macor_hil/monitor/view.py", extended, False, False),
+        ("macor_hil/monitor/terminal_view.py", extended, False, False),
         ("macor_hil/cli/learning.py", extended, False, False),
-        ("khepera_emulator/cli/commands.py", extended, False, False),
+        ("khepera_emulator/app/cli/commands.py", extended, False, False),
         ("khepera_emulator/ports/tcp.py", extended, False, False),
         ("macor_hil/mind/brain.py", "# a comment\n{}".format, False, False),
     ],

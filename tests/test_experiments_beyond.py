@@ -10,14 +10,14 @@ from planning import square
 from macor_hil.commands import COMMANDS, STRAIGHT
 from macor_hil.experiments import goals
 from macor_hil.experiments.beyond import BEYOND
-from macor_hil.experiments.blocks import Table, Text
 from macor_hil.experiments.drift import DRIFT
+from macor_hil.experiments.drives.course import Course, trial_from_json
+from macor_hil.experiments.drives.systems import ANTICIPATIVE, GRADED, SYSTEMS, learn_all
+from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.goals import GOALS
-from macor_hil.experiments.learning import ANTICIPATIVE, GRADED, SYSTEMS, learn_all
-from macor_hil.experiments.recording import Drive, Recordings
-from macor_hil.experiments.runner import reproduce
-from macor_hil.experiments.systems import Course, trial_from_json
+from macor_hil.experiments.report.blocks import Table, Text
+from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.settings import MindSettings
 
 DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))

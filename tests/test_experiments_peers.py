@@ -12,13 +12,13 @@ from planning import moment
 
 from macor_hil.errors import MacorError
 from macor_hil.experiments import peers
-from macor_hil.experiments.blocks import Table, Text
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
-from macor_hil.experiments.falcon import MEMORY, Falcon, FalconPlanner, Parameters
+from macor_hil.experiments.drives.course import Course, relearn
+from macor_hil.experiments.drives.falcon import MEMORY, Falcon, FalconPlanner, Parameters
+from macor_hil.experiments.drives.training_drive import PUT_DOWN, Drive, Recording, Recordings
 from macor_hil.experiments.peers import FALCON, PEERS
-from macor_hil.experiments.recording import PUT_DOWN, Drive, Recording, Recordings
-from macor_hil.experiments.runner import COSTS, reproduce
-from macor_hil.experiments.systems import Course, relearn
+from macor_hil.experiments.report.blocks import Table, Text
+from macor_hil.experiments.sweep.runner import COSTS, reproduce
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Experience
 from macor_hil.mind.planners.planner import Plan

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from macor_hil.experiments.statistics import (
+from macor_hil.experiments.report.statistics import (
     estimate,
     interquartile_mean,
     mean,

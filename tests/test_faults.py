@@ -5,7 +5,7 @@ from math import inf
 import pytest
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.faults import (
+from khepera_emulator.line.faults import (
     KINDS,
     Direction,
     Fault,
@@ -13,7 +13,7 @@ from khepera_emulator.faults import (
     parse_fault,
     parse_script,
 )
-from khepera_emulator.uart import INTERPRETER_TIME, Uart
+from khepera_emulator.line.uart import INTERPRETER_TIME, Uart
 
 EACH = 2.0**-10
 TEXT = b"N,1,2,3\r\n"

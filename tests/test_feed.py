@@ -10,17 +10,17 @@ from pathlib import Path
 import pytest
 import zenoh
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
+from khepera_protocol.zenoh.payloads import MOST_JSON, Stamp
 from watching_helpers import a_life
 
-from macor_hil.monitor.watched import Watched
-from macor_hil.monitor.watcher import Watcher
+from macor_hil.monitor.follower import Watcher
+from macor_hil.monitor.robot_state import Watched
 from macor_hil.telemetry.feed import Arrival, Feed, Loss, NotTaken, Presence, Refusal
 from macor_hil.telemetry.inbox import Inbox
-from macor_hil.telemetry.playing_times import in_playing_time
-from macor_hil.telemetry.replay import replay
+from macor_hil.telemetry.recordings.player import replay
+from macor_hil.telemetry.recordings.playing_times import in_playing_time
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.steady_clock import SteadyClock
-from protocol.side_channel import MOST_JSON, Stamp
 
 STATE = "macor/khepera/state"
 TEXT = a_state().model_dump_json()
@@ -118,7 +118,7 @@ def test_a_time_stamp_of_the_far_future_makes_nothing_old():
 
 COMES_AND_GOES = """
 import sys, cv2, numpy
-from macor_hil.cameras import Frame
+from macor_hil.hardware.cameras import Frame
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
 noise = numpy.random.default_rng(1).integers(0, 256, (100, 100, 3)).astype(numpy.uint8)

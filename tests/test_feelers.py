@@ -4,15 +4,15 @@ from math import hypot
 
 import numpy as np
 import pytest
+from khepera_protocol.zenoh.payloads import Outline, Pose, Solid
 from worlds import arena
 
-from khepera_emulator.arena import arena_names, load_arena
-from khepera_emulator.feelers import Feelers, Poses, solids_of
-from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.infrared import Infrared, sensor_ring
+from khepera_emulator.arenas.arena import arena_names, load_arena
 from khepera_emulator.models import KHEPERA, KHEPERA2
-from khepera_emulator.outline import outline
-from protocol.side_channel import Outline, Pose, Solid
+from khepera_emulator.routes.feelers import Feelers, Poses, solids_of
+from khepera_emulator.senses.infrared import Infrared, sensor_ring
+from khepera_emulator.world.floor_plan import FloorPlan
+from khepera_emulator.world.outline import outline
 
 COLLISION = 1000
 HERE = np.zeros((1, 3))

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from khepera_protocol.serial.commands import COMMANDS, TOOLS
+from khepera_protocol.serial.framing import RequestSplitter
+from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 
-from khepera_emulator.arena import load_arena
-from khepera_emulator.firmware import Firmware
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.body.motors import Gains, Mode, Profile
 from khepera_emulator.models import KHEPERA, KHEPERA2
-from khepera_emulator.motors import Gains, Mode, Profile
-from khepera_emulator.robot import Robot
-from khepera_emulator.world import World
-from protocol.commands import COMMANDS, TOOLS
-from protocol.framing import RequestSplitter
-from protocol.side_channel import Pose, WheelDrift
+from khepera_emulator.robot.firmware import Firmware
+from khepera_emulator.robot.robot import Robot
+from khepera_emulator.world.world import World
 
 NO_DRIFT = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
 

@@ -4,14 +4,14 @@ from math import cos, degrees, hypot, pi, sin
 
 import numpy as np
 import pytest
+from khepera_protocol.zenoh.payloads import Pose, Reset
 from worlds import arena
 
-from khepera_emulator import camera
-from khepera_emulator.arena import load_arena
-from khepera_emulator.drift import PRESETS
-from khepera_emulator.emulator import Emulator, Setup, make_fleet
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.body.drift import PRESETS
 from khepera_emulator.errors import EmulatorError
-from protocol.side_channel import Pose, Reset
+from khepera_emulator.robot.emulator import Emulator, Setup, make_fleet
+from khepera_emulator.senses import camera
 
 SQUARE = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]
 DIAMETER = 0.055

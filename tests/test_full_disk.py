@@ -12,9 +12,9 @@ import serial
 from emulator_process import COMMAND, PATIENCE
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.wire_log import WireLog, read_log
+from khepera_emulator.line.wire_log import WireLog, read_log
 from macor_hil.errors import RecordingError
-from macor_hil.telemetry.recording import Recorder
+from macor_hil.telemetry.recordings.recording import Recorder
 
 RECORDING = """
 import resource, sys
@@ -22,7 +22,7 @@ sys.path.insert(0, sys.argv[1])
 from pathlib import Path
 from watching_helpers import a_life
 from macor_hil.errors import RecordingError
-from macor_hil.telemetry.recording import Recorder
+from macor_hil.telemetry.recordings.recording import Recorder
 events, hard = a_life(5), resource.getrlimit(resource.RLIMIT_FSIZE)[1]
 for room in map(int, sys.argv[3:]):
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))

@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from khepera_protocol.text import parse_toml, printable
 
-from khepera_emulator.arena import Arena, arena_names, load_arena
-from khepera_emulator.arena_text import arena_text
-from khepera_emulator.cli import app
+from khepera_emulator.app.cli import app
+from khepera_emulator.arenas.arena import Arena, arena_names, load_arena
+from khepera_emulator.arenas.arena_text import arena_text
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.generator import COMMANDS, generate
-from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.layout import Difficulty, Kind, Post, Stretch, draw_layout
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.oracle import MARGIN, PAPER_COMMANDS, Oracle
-from khepera_emulator.outline import outline
-from khepera_emulator.passages import Passage, faces, walls
-from khepera_emulator.places import check_room, pose_of, random_pose
-from khepera_emulator.variants import own_colour, with_own_colours
+from khepera_emulator.routes.generator import COMMANDS, generate
+from khepera_emulator.routes.layout import Difficulty, Kind, Post, Stretch, draw_layout
+from khepera_emulator.routes.oracle import MARGIN, PAPER_COMMANDS, Oracle
+from khepera_emulator.routes.passages import Passage, faces, walls
+from khepera_emulator.routes.variants import own_colour, with_own_colours
+from khepera_emulator.world.floor_plan import FloorPlan
+from khepera_emulator.world.free_space import check_room, pose_of, random_pose
+from khepera_emulator.world.outline import outline
 from macor_hil.commands import COMMANDS as MOTOR_COMMANDS
-from macor_hil.drive import Driver
-from macor_hil.hardware import open_hardware
-from macor_hil.trials import Spread
-from protocol.text import parse_toml, printable
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
+from macor_hil.runs.trials import Spread
 
 GOLDEN = Path(__file__).parent / "golden" / "generated.toml"
 SEEDS = (0, 6, 12, 3, 9)

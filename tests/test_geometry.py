@@ -6,9 +6,9 @@ import numpy as np
 import pybullet
 import pytest
 
-from khepera_emulator.arena import Arena
-from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.world import SOLID_GROUP, World
+from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.world.floor_plan import FloorPlan
+from khepera_emulator.world.world import SOLID_GROUP, World
 
 HEIGHT = 0.02
 

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import pytest
+from khepera_protocol.serial.commands import COMMANDS, FLASH_TOOLS, TOOLS
+from khepera_protocol.serial.messages import COMMAND_NOT_FOUND, PROTOCOL_ERROR, TURRET_NOT_SUPPORTED
+from khepera_protocol.serial.turrets import TURRETS
 from transcripts import FOLDER, Exchange, exchanges, play, url_of
 
 from khepera_emulator.choices import option_names
 from khepera_emulator.models import MODELS
-from protocol.commands import COMMANDS, FLASH_TOOLS, TOOLS
-from protocol.messages import COMMAND_NOT_FOUND, PROTOCOL_ERROR, TURRET_NOT_SUPPORTED
-from protocol.turrets import TURRETS
 
 FILES = sorted(FOLDER.glob("*.txt"))
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from worlds import arena
 
-from khepera_emulator.arena import Arena
-from khepera_emulator.geometry import FloorPlan, Surroundings
-from khepera_emulator.infrared import Infrared
+from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.models import KHEPERA, KHEPERA2, Model
-from khepera_emulator.solids import Brick, Disc
+from khepera_emulator.senses.infrared import Infrared
+from khepera_emulator.world.floor_plan import FloorPlan, Surroundings
+from khepera_emulator.world.solids import Brick, Disc
 
 # S. Nolfi's samples of a first Khepera: gap in mm, mean of the eight sensors at their lobes
 NOLFI = {

@@ -7,10 +7,10 @@ import sys
 import numpy as np
 import pytest
 import serial
+from khepera_protocol.zenoh.payloads import Pose, Reset
 
 import khepera_emulator  # noqa: F401 - registers the URL scheme
 from khepera_emulator.errors import EmulatorError
-from protocol.side_channel import Pose, Reset
 
 BYTE = 11 / 9600
 

@@ -6,7 +6,7 @@ import pytest
 from controller_helpers import PATIENCE
 
 from macor_hil.errors import MacorError
-from macor_hil.late_bell import LateBell
+from macor_hil.safety.late_bell import LateBell
 
 
 def test_it_rings_while_something_takes_too_long_and_says_so_afterwards():

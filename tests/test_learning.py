@@ -6,25 +6,25 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from khepera_protocol.zenoh.keys import CONTROLLER
+from khepera_protocol.zenoh.payloads import Pose, Stamp
 from planning import square
 from typer.testing import CliRunner
 from watching_helpers import BEGIN, SECOND, a_life
 
-from macor_hil.agent import NO_PLAN, Agent
 from macor_hil.cli import app
 from macor_hil.commands import COMMANDS
-from macor_hil.drive import Driver
 from macor_hil.errors import CameraError, RecordingError
-from macor_hil.hardware import open_hardware
-from macor_hil.learning import learn
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.map_file import load_map
-from macor_hil.telemetry.decisions import decision_of
+from macor_hil.runs.agent import NO_PLAN, Agent
+from macor_hil.runs.decision_samples import decision_of
+from macor_hil.runs.recorded_drives import learn
 from macor_hil.telemetry.feed import Arrival, Presence
-from macor_hil.telemetry.recording import Recorder
+from macor_hil.telemetry.recordings.recording import Recorder
 from macor_hil.telemetry.schemas import Odometry
-from protocol.keys import CONTROLLER
-from protocol.side_channel import Pose, Stamp
 
 CHOICES = [0, 0, 1, 2, 0, 1]
 

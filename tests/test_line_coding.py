@@ -2,7 +2,7 @@
 
 import pytest
 
-from khepera_emulator.line_coding import Heard, LineFormat, receive
+from khepera_emulator.line.coding import Heard, LineFormat, receive
 
 TEXT = b"N,1023,0,512\r\nD,5,-5\n"
 EVERY_BYTE = bytes(range(256))

@@ -10,11 +10,11 @@ from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 from test_side_channel import session, truth_of, wait_for
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator.cli.program import run
+from khepera_emulator.app.cli.program import run
+from khepera_emulator.app.replay import replay
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line.wire_log import read_log
 from khepera_emulator.ports.tcp import shifted
-from khepera_emulator.replay import replay
-from khepera_emulator.wire_log import read_log
 
 
 @pytest.fixture(scope="module")

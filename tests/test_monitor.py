@@ -12,20 +12,20 @@ from controller_helpers import (
     publishing,
     wait_until_watched,
 )
+from khepera_protocol.zenoh.keys import CONTROLLER
+from khepera_protocol.zenoh.payloads import Truth
 from rich.console import Console
 
 from macor_hil.errors import TelemetryError
+from macor_hil.monitor.follower import Watcher
+from macor_hil.monitor.robot_state import Controlled, Emulated, Watched
 from macor_hil.monitor.terminal import watch
-from macor_hil.monitor.view import bar, render, spark
-from macor_hil.monitor.watched import Controlled, Emulated, Watched
-from macor_hil.monitor.watcher import Watcher
+from macor_hil.monitor.terminal_view import bar, render, spark
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import NotTaken
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.schemas import Ahead, Alternative, Link, Phase
 from macor_hil.telemetry.session import open_session
-from protocol.keys import CONTROLLER
-from protocol.side_channel import Truth
 
 PATIENCE = 10.0
 KEYS = [f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state")]

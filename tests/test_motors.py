@@ -2,8 +2,8 @@
 
 import pytest
 
+from khepera_emulator.body.motors import Gains, Mode, Profile, Wheel
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.motors import Gains, Mode, Profile, Wheel
 
 
 def wheel() -> Wheel:

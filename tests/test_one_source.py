@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from macor_hil.cameras.one_source import SETTLING, OneSource, Round
 from macor_hil.errors import CameraError, CameraSourceError
+from macor_hil.hardware.cameras.one_source import SETTLING, OneSource, Round
 
 
 class Clock:

@@ -6,10 +6,9 @@ from typing import Annotated, Any
 
 import pytest
 import typer
+from khepera_protocol.options import Cli, OptionError, from_strings, takes, to_strings
 from pydantic import BaseModel, Field, field_validator
 from typer.testing import CliRunner
-
-from protocol.options import Cli, OptionError, from_strings, takes, to_strings
 
 
 class Colour(StrEnum):

@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from khepera_protocol.serial.units import PULSE, WHEEL_BASE
+from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, WheelDrift
 from worlds import arena
 
-from khepera_emulator.arena import load_arena
+from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.geometry import FloorPlan
-from khepera_emulator.infrared import Infrared
 from khepera_emulator.models import KHEPERA, KHEPERA2
-from khepera_emulator.oracle import MARGIN, PAPER_COMMANDS, Oracle
-from khepera_emulator.outline import outline
-from khepera_emulator.places import pose_of, random_pose
+from khepera_emulator.routes.oracle import MARGIN, PAPER_COMMANDS, Oracle
+from khepera_emulator.senses.infrared import Infrared
+from khepera_emulator.world.floor_plan import FloorPlan
+from khepera_emulator.world.free_space import pose_of, random_pose
+from khepera_emulator.world.outline import outline
 from macor_hil.commands import COMMANDS
-from macor_hil.drive import Driver, DriveSettings
-from macor_hil.hardware import open_hardware
-from macor_hil.odometry import Wheels, integrate
-from protocol.side_channel import Outline, Pose, Reset, WheelDrift
-from protocol.units import PULSE, WHEEL_BASE
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver, DriveSettings
+from macor_hil.hardware.odometry import Wheels, integrate
 
 LEFT, RIGHT, STRAIGHT = range(3)
 COLLISION = DriveSettings().collision

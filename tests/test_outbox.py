@@ -4,10 +4,10 @@ import threading
 import time
 
 import pytest
+from khepera_protocol.zenoh.payloads import Stamp
 
 from macor_hil.errors import TelemetryError
-from macor_hil.telemetry.outbox import Outbox
-from protocol.side_channel import Stamp
+from macor_hil.telemetry.sender import Outbox
 
 
 def test_everything_is_carried_out_in_order_before_the_end():

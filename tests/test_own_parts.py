@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from khepera_protocol.registry import Registry, RegistryError
 
 from macor_hil.mind.catalogue import CLUSTERERS, EYES, PLANNERS, build_brain, make_planner
 from macor_hil.mind.settings import MindSettings, Part
-from protocol.registry import Registry, RegistryError
 
 OWN = Path(__file__).parents[1] / "examples" / "own_parts"
 

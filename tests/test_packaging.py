@@ -42,12 +42,12 @@ MAY_FAIL = {
     "macor_hil.experiments": "experiments",
     "macor_hil.monitor.dashboard": "dashboard",
     "macor_hil.ros2": "ros",
-    "macor_hil.telemetry.foxglove": "recording",
-    "macor_hil.telemetry.mcap_file": "recording",
-    "macor_hil.telemetry.recorder": "recording",
-    "macor_hil.telemetry.recording": "recording",
-    "khepera_emulator.world": "emulator",
-    "khepera_emulator.emulator": "emulator",
+    "macor_hil.telemetry.recordings.foxglove": "recording",
+    "macor_hil.telemetry.recordings.mcap_file": "recording",
+    "macor_hil.telemetry.recordings.recorder": "recording",
+    "macor_hil.telemetry.recordings.recording": "recording",
+    "khepera_emulator.world.world": "emulator",
+    "khepera_emulator.robot.emulator": "emulator",
 }
 
 
@@ -78,7 +78,7 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
     for package in PACKAGES:
         shutil.copytree(ROOT / package, source / package, ignore=IGNORED)
     files = {
-        str(file.relative_to(source))
+        str(file.relative_to(source)).removeprefix("protocol/")
         for package in PACKAGES
         for file in (source / package).rglob("*")
         if file.is_file()
@@ -112,7 +112,7 @@ def test_the_controller_is_importable_without_any_extra():
     code = f"""
 import importlib, json
 failed = {{}}
-for name in {list(modules("macor_hil")) + list(modules("protocol"))}:
+for name in {list(modules("macor_hil")) + list(modules("khepera_protocol"))}:
     try:
         importlib.import_module(name)
     except ImportError as error:
@@ -126,7 +126,7 @@ print(json.dumps(failed))
         assert extra is not None, f"{module} needs {missing}"
 
 
-@pytest.mark.parametrize("program", ["macor_hil.cli", "khepera_emulator.cli"])
+@pytest.mark.parametrize("program", ["macor_hil.cli", "khepera_emulator.app.cli"])
 def test_the_command_lines_help_without_any_extra(program):
     done = without_extras(f"from {program} import app; app()", "--help")
     assert done.returncode == 0, done.stderr
@@ -136,7 +136,7 @@ def test_the_command_lines_help_without_any_extra(program):
 @pytest.mark.parametrize(
     ("program", "arguments", "extra"),
     [
-        ("khepera_emulator.cli", ["run"], "emulator"),
+        ("khepera_emulator.app.cli", ["run"], "emulator"),
         ("macor_hil.cli", ["look", "--picture", "FILE.png"], "emulator"),
         ("macor_hil.cli", ["train", "--map", "FILE"], "emulator"),
         ("macor_hil.cli", ["ros2"], "ros"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from macor_hil.experiments.recording import Drive, record
+from macor_hil.experiments.drives.training_drive import Drive, record
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.settings import MindSettings
 

@@ -6,8 +6,8 @@ import pytest
 from controller_helpers import a_state
 from rich.console import Console
 
-from macor_hil.monitor.view import render
-from macor_hil.monitor.watched import Controlled, Watched
+from macor_hil.monitor.robot_state import Controlled, Watched
+from macor_hil.monitor.terminal_view import render
 from macor_hil.telemetry.schemas import Phase
 
 

@@ -6,15 +6,15 @@ from math import radians
 
 import pytest
 from emulator_process import emulator, free_endpoint
+from khepera_protocol.zenoh.payloads import Pose, Reset
 
-from khepera_emulator.oracle import PAPER_COMMANDS, Oracle
-from macor_hil.bench import PortBench, ZenohBench
+from khepera_emulator.routes.oracle import PAPER_COMMANDS, Oracle
 from macor_hil.errors import BenchError
-from macor_hil.hardware import open_hardware
-from macor_hil.possible import Possible, Shares, compare, judge, share_of
+from macor_hil.hardware.bench import PortBench, ZenohBench
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.runs.possible import Possible, Shares, compare, judge, share_of
+from macor_hil.runs.trials import Trial
 from macor_hil.telemetry.session import open_session
-from macor_hil.trials import Trial
-from protocol.side_channel import Pose, Reset
 
 START = Pose(x=0.0, y=0.0, heading=0.0)
 

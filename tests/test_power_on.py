@@ -4,9 +4,9 @@ import pytest
 import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from khepera_protocol.zenoh.payloads import Reset
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from protocol.side_channel import Reset
 
 URL = "khepera://open-box?seed=7&turret=gripper&turret=k213&turret=radio&turret=general-io"
 VERSION = b"b,5.01,5.00\r\n"

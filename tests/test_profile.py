@@ -6,14 +6,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from khepera_protocol.mirror import Mirror
 
-from khepera_emulator.arena import load_arena
-from khepera_emulator.emulator import Emulator, Setup
-from macor_hil.cameras.mirror_fit import draw_mirror, find_mirror
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.robot.emulator import Emulator, Setup
 from macor_hil.errors import CameraError, ProfileError
-from macor_hil.odometry import Wheels
-from macor_hil.profile import RobotProfile, change_profile, load_profile, save_profile
-from protocol.mirror import Mirror
+from macor_hil.hardware.cameras.mirror_fit import draw_mirror, find_mirror
+from macor_hil.hardware.odometry import Wheels
+from macor_hil.hardware.profile import RobotProfile, change_profile, load_profile, save_profile
 
 SHIFTED = Mirror(width=200, height=180, centre_x=105.3, centre_y=86.7, inner=20.5, outer=71.2)
 

@@ -5,8 +5,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from protocol.framing import REQUEST_LIMIT, ReplySplitter, RequestSplitter
+from khepera_protocol.serial.framing import REQUEST_LIMIT, ReplySplitter, RequestSplitter
 
 
 def portions(data: bytes, cuts: list[int]) -> list[bytes]:

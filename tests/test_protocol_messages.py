@@ -3,10 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from protocol.commands import COMMANDS, Beyond
-from protocol.errors import ReplyError, RequestError
-from protocol.messages import (
+from khepera_protocol.serial.commands import COMMANDS, Beyond
+from khepera_protocol.serial.errors import ReplyError, RequestError
+from khepera_protocol.serial.messages import (
     Reply,
     Request,
     ToolCall,

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 import serial
+from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 from unprivileged import as_nobody, enter_from_outside
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.ports.inotify import CLOSED_WRITABLE
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort
-from khepera_emulator.ports.watch import CLOSED_WRITABLE
-from protocol.terminal_link import LOCK_TEXT, lock_beside
 
 MUCH = 4096
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 from controller_helpers import ask, free_endpoint, wait_until_watched, watching
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
+from khepera_protocol.zenoh.schema import schema_of
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from typer.testing import CliRunner
@@ -17,15 +19,13 @@ from watching_helpers import BEGIN, SECOND, a_life, a_picture
 
 from macor_hil.cli import app
 from macor_hil.errors import RecordingError
-from macor_hil.monitor.watched import Watched
-from macor_hil.monitor.watcher import Watcher
+from macor_hil.monitor.follower import Watcher
+from macor_hil.monitor.robot_state import Watched
 from macor_hil.telemetry.feed import Arrival, Presence
-from macor_hil.telemetry.recording import Recorder, read_recording
-from macor_hil.telemetry.replay import Stage, replay
+from macor_hil.telemetry.recordings.player import Stage, replay
+from macor_hil.telemetry.recordings.recording import Recorder, read_recording
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
-from protocol.keys import CONTROLLER, EMULATOR
-from protocol.schema import schema_of
 
 PATIENCE = 20.0
 
@@ -157,7 +157,7 @@ def test_a_full_disk_stops_the_recording_with_a_sentence(tmp_path):
         "from pathlib import Path\n"
         "from watching_helpers import a_life\n"
         "from macor_hil.errors import RecordingError\n"
-        "from macor_hil.telemetry.recording import Recorder\n"
+        "from macor_hil.telemetry.recordings.recording import Recorder\n"
         "try:\n"
         "    with Recorder(Path(sys.argv[2]), 'khepera') as recorder:\n"
         "        for event in a_life(200):\n"

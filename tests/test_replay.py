@@ -11,13 +11,13 @@ import serial
 from emulator_process import PATIENCE, emulator
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator import wire_log
-from khepera_emulator.arena import load_arena
-from khepera_emulator.cli.program import run
+from khepera_emulator.app.cli.program import run
+from khepera_emulator.app.replay import Difference, replay
+from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line_coding import LineFormat
-from khepera_emulator.replay import Difference, replay
-from khepera_emulator.wire_log import Entry, Recording, WireLog, read_log, robot_url
+from khepera_emulator.line import wire_log
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.line.wire_log import Entry, Recording, WireLog, read_log, robot_url
 
 URL = "khepera://corridor?seed=3"
 SESSION = (b"B\n", b"D,5,3\n", b"N\n", b"N\nO\nH\n", b"D,0,0\n", b"K\n", b"M\n", b"memory\n")

@@ -5,12 +5,19 @@ import os
 
 import pytest
 import serial
+from khepera_protocol.serial.messages import build_request
+from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 
 from macor_hil.errors import LinkError, RobotError, RobotResetError, SilenceError
-from macor_hil.line import LONGEST_REPLY, PATIENCE, Line, longest_reply, open_port, time_limit
-from macor_hil.robot import Khepera
-from protocol.messages import build_request
-from protocol.terminal_link import LOCK_TEXT, lock_beside
+from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.line import (
+    LONGEST_REPLY,
+    PATIENCE,
+    Line,
+    longest_reply,
+    open_port,
+    time_limit,
+)
 
 STOPPED = b"d\r\n"
 RESTING = b"e,0,0\r\n"

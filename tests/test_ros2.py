@@ -21,6 +21,7 @@ from controller_helpers import (
     wait_until_watched,
     watching,
 )
+from khepera_protocol.zenoh.payloads import Pose, controller_key
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
@@ -30,7 +31,6 @@ from macor_hil.ros2.bridge import Bridge
 from macor_hil.ros2.wire import Node, Topic, attachment, gid, namespace_of
 from macor_hil.telemetry.keys import DECISION, FRAME
 from macor_hil.telemetry.schemas import Odometry
-from protocol.side_channel import Pose, controller_key
 
 # what the ROS 2 project publishes of its own demonstration nodes
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

@@ -191,7 +191,7 @@ def test_a_defect_in_mid_drive_stops_the_robot(bench, map_file):
 
 ROLLING = """
 import os, signal, sys
-from macor_hil.robot import Khepera, open_port
+from macor_hil.hardware.khepera import Khepera, open_port
 robot = Khepera(open_port(sys.argv[1], 57600))
 robot.set_speed(-15, 15)
 os.kill(os.getpid(), signal.SIGKILL)
@@ -249,7 +249,7 @@ def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file):
 
 A_LEARNER = """
 import os, signal, sys, time
-from macor_hil.hardware import robot_of
+from macor_hil.hardware.devices import robot_of
 opened = robot_of(sys.argv[1], 57600)
 robot = opened.__enter__()
 robot.set_speed(-15, 15)

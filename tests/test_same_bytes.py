@@ -15,8 +15,8 @@ import serial
 from emulator_process import PATIENCE, emulator, free_endpoint
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from macor_hil.bench import PortBench, ZenohBench
-from macor_hil.cameras import open_camera
+from macor_hil.hardware.bench import PortBench, ZenohBench
+from macor_hil.hardware.cameras import open_camera
 from macor_hil.telemetry.session import open_session
 
 ARENA = "open-box"

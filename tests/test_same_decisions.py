@@ -4,8 +4,8 @@ import pytest
 from emulator_process import emulator, free_endpoint
 from short_training import train_shortly
 
-from macor_hil.drive import DriveSettings
-from macor_hil.service import ServiceConfig, serve
+from macor_hil.hardware.driver import DriveSettings
+from macor_hil.runs.service import ServiceConfig, serve
 
 ARENA, SEED = "open-box", 3
 PORT = f"khepera://{ARENA}?seed={SEED}&baud=unpaced"

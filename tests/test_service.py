@@ -16,19 +16,19 @@ from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watc
 from emulator_process import emulator
 from short_training import train_shortly
 
-import macor_hil.hardware
-import macor_hil.live_run
+import macor_hil.hardware.devices
+import macor_hil.runs.live_run
 import macor_hil.telemetry.publisher
-from macor_hil.bench import ZenohBench
-from macor_hil.cameras.watch import CameraWatch
 from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
-from macor_hil.interruption import Interruption, undisturbed
+from macor_hil.hardware.bench import ZenohBench
+from macor_hil.hardware.cameras.watchdog import CameraWatch
+from macor_hil.hardware.khepera import Khepera, open_port
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.map_file import save_map
-from macor_hil.robot import Khepera, open_port
-from macor_hil.service import Ending, ServiceConfig, serve
-from macor_hil.telemetry.outbox import Outbox
+from macor_hil.runs.service import Ending, ServiceConfig, serve
+from macor_hil.safety.interruption import Interruption, undisturbed
 from macor_hil.telemetry.schemas import Decision, Phase, State
+from macor_hil.telemetry.sender import Outbox
 from macor_hil.telemetry.session import open_session
 
 PORT = "khepera://corridor?seed=1&drift=none"
@@ -65,7 +65,7 @@ class Tap:
         self.speed = 0.0
         self.port = None
         self.meddle = lambda _: None
-        monkeypatch.setattr(macor_hil.hardware, "open_port", self._open)
+        monkeypatch.setattr(macor_hil.hardware.devices, "open_port", self._open)
 
     def _open(self, url, baud):
         self.port = open_port(url, baud)
@@ -244,7 +244,7 @@ def test_the_robot_stands_before_a_last_picture_is_waited_for(config, tap, monke
             speeds.append(tap.speed_now())
             super().__exit__(*raised)
 
-    monkeypatch.setattr(macor_hil.live_run, "CameraWatch", Watch)
+    monkeypatch.setattr(macor_hil.runs.live_run, "CameraWatch", Watch)
     tap.in_mid_drive(lambda: signal.raise_signal(signal.SIGTERM))
     serve(config)
     assert speeds[0] < 2 * STANDING  # its controllers settle when the stop is confirmed
@@ -293,7 +293,7 @@ def test_an_interruption_raises_once_and_then_holds_back_until_released():
 
 def test_an_interrupt_that_was_lost_comes_again(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("macor_hil.interruption.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("macor_hil.safety.interruption.time.monotonic", lambda: now[0])
     with Interruption() as interruption:
         for _ in range(3):
             now[0] += 2.0
@@ -413,9 +413,11 @@ class BlindAfter:
 def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
     config, tap, monkeypatch, error
 ):
-    real = macor_hil.hardware.open_camera
+    real = macor_hil.hardware.devices.open_camera
     monkeypatch.setattr(
-        macor_hil.hardware, "open_camera", lambda *a, **k: BlindAfter(real(*a, **k), 3, error)
+        macor_hil.hardware.devices,
+        "open_camera",
+        lambda *a, **k: BlindAfter(real(*a, **k), 3, error),
     )
     endpoint, said = free_endpoint(), SimpleQueue()
     with open_session([endpoint], []) as session:
@@ -514,7 +516,7 @@ RUNNER = """
 import sys
 from pathlib import Path
 from macor_hil.errors import MacorError
-from macor_hil.service import ServiceConfig, serve
+from macor_hil.runs.service import ServiceConfig, serve
 port, map_file, connect = sys.argv[1:]
 try:
     report = serve(

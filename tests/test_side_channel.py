@@ -13,14 +13,14 @@ import pytest
 import serial
 import zenoh
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.config import zenoh_config
+from khepera_protocol.zenoh.payloads import MOST_TEXT, Outline, Stamp, Truth, Wire
 
-from khepera_emulator.arena import load_arena
-from khepera_emulator.line_coding import LineFormat
-from khepera_emulator.side_channel import SideChannel
-from khepera_emulator.wire_tap import MOST_ENTRIES, WireTap
-from protocol.mirror import Mirror
-from protocol.side_channel import MOST_TEXT, Outline, Stamp, Truth, Wire
-from protocol.zenoh_config import zenoh_config
+from khepera_emulator.app.side_channel import SideChannel
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.line.recent_entries import MOST_ENTRIES, WireTap
 
 START = load_arena("corridor").start
 

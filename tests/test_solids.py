@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from worlds import arena
 
-from khepera_emulator.arena import Wall
-from khepera_emulator.geometry import NEAR, FloorPlan, Surroundings
-from khepera_emulator.solids import Brick, Disc, wall_boxes
+from khepera_emulator.arenas.arena import Wall
+from khepera_emulator.world.floor_plan import NEAR, FloorPlan, Surroundings
+from khepera_emulator.world.solids import Brick, Disc, wall_boxes
 
 SOLIDS = {
     "box": wall_boxes(Wall(points=[(0.1, 0.0), (0.2, 0.1)], thickness=0.03))[0],

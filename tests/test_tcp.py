@@ -10,7 +10,7 @@ import serial
 from serial import rfc2217
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.ports import tcp
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.pty import PtyPort

@@ -26,15 +26,15 @@ from controller_helpers import (
     wait_until_watched,
     watching,
 )
+from khepera_protocol.zenoh.payloads import Stamp
 from pydantic import ValidationError
 
-from macor_hil.cameras import Frame
 from macor_hil.errors import MacorError, TelemetryError
+from macor_hil.hardware.cameras import Frame
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
 from macor_hil.telemetry.schemas import Decision, Phase, State
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
-from protocol.side_channel import Stamp
 
 STOP = '{"stop": true}'
 FRAME, DECISION, STATE = (f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state"))

@@ -6,8 +6,13 @@ import logging
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from protocol.text import MAX_DOCUMENT, DocumentError, PrintableFormatter, parse_toml, printable
+from khepera_protocol.text import (
+    MAX_DOCUMENT,
+    DocumentError,
+    PrintableFormatter,
+    parse_toml,
+    printable,
+)
 
 
 @pytest.mark.parametrize(

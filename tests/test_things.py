@@ -5,19 +5,19 @@ from math import degrees, hypot, pi, radians
 import numpy as np
 import pybullet
 import pytest
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.payloads import Pose, Reset, WheelDrift
 from test_khepera_url import ask, open_port, session
 from worlds import arena
 
-from khepera_emulator.camera import HEIGHT, OmniCamera
-from khepera_emulator.chassis import Chassis
-from khepera_emulator.crew import Crew
+from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.renderers.faces import FacesRenderer
-from khepera_emulator.robot import Robot
-from khepera_emulator.world import BODY_GROUP, RAY_GROUP, World
-from protocol.mirror import Mirror
-from protocol.side_channel import Pose, Reset, WheelDrift
+from khepera_emulator.robot.crew import Crew
+from khepera_emulator.robot.robot import Robot
+from khepera_emulator.senses.camera import HEIGHT, OmniCamera
+from khepera_emulator.senses.renderers.faces import FacesRenderer
+from khepera_emulator.world.world import BODY_GROUP, RAY_GROUP, World
 
 IDEAL = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
 ORIGIN = Pose(x=0.0, y=0.0, heading=0.0)

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from planning import square
 
-import macor_hil.checkpoints
-from macor_hil.caretaker import Ask, Caretaker
-from macor_hil.checkpoints import checkpoint_path, train_map
-from macor_hil.drive import Driver, DriveSettings
+import macor_hil.runs.checkpoints
 from macor_hil.errors import CameraError, MapError, RobotError
-from macor_hil.hardware import open_hardware
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver, DriveSettings
+from macor_hil.hardware.odometry import Wheels
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.settings import MindSettings
-from macor_hil.odometry import Wheels
-from macor_hil.training import Phase, Recovery, Schedule
+from macor_hil.runs.checkpoints import checkpoint_path, train_map
+from macor_hil.runs.recovery import Ask, Caretaker
+from macor_hil.runs.training import Phase, Recovery, Schedule
 
 PORT = "khepera://corridor?seed=3"
 SHORT = Schedule(tuning=20, random=60, reactive=20, session=20, episode=15, seed=5)
@@ -200,14 +200,14 @@ def test_a_full_disk_is_waited_out_with_a_hand(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
-    save = macor_hil.checkpoints.save_map
+    save = macor_hil.runs.checkpoints.save_map
 
     def full(path: Path, *rest: Any) -> None:
         if len(asked) < 2:
             raise MapError(f"cannot write {path}: No space left on device")
         save(path, *rest)
 
-    monkeypatch.setattr("macor_hil.checkpoints.save_map", full)
+    monkeypatch.setattr("macor_hil.runs.checkpoints.save_map", full)
     brain = train_on_a_robot(tmp_path / "a.npz", ask=asked.append)
     assert len(asked) == 2
     assert "No space left on device. The robot stands; make room" in asked[0]
@@ -220,7 +220,7 @@ def test_without_a_hand_a_full_disk_ends_the_training(
     def full(path: Path, *_: Any) -> None:
         raise MapError(f"cannot write {path}: No space left on device")
 
-    monkeypatch.setattr("macor_hil.checkpoints.save_map", full)
+    monkeypatch.setattr("macor_hil.runs.checkpoints.save_map", full)
     with pytest.raises(MapError, match="No space left"):
         train_on_a_robot(tmp_path / "a.npz")
 

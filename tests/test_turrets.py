@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from khepera_protocol.serial.errors import RequestError
+from khepera_protocol.serial.turrets import READING_PERIODS, TURRETS
 
 from khepera_emulator.choices import Choices
 from khepera_emulator.errors import EmulatorError
@@ -11,8 +13,6 @@ from khepera_emulator.turrets.gripper import Gripper
 from khepera_emulator.turrets.k213 import K213
 from khepera_emulator.turrets.radio import AIR_TIME, Radio, RadioMedium
 from khepera_emulator.turrets.turret import Piece
-from protocol.errors import RequestError
-from protocol.turrets import READING_PERIODS, TURRETS
 
 RADIUS = 0.0275
 

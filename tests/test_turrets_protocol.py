@@ -3,10 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from protocol.errors import ReplyError, RequestError
-from protocol.messages import Reply, build_request, parse_reply, parse_request
-from protocol.turrets import TURRETS, build_message, message_values, parse_message
+from khepera_protocol.serial.errors import ReplyError, RequestError
+from khepera_protocol.serial.messages import Reply, build_request, parse_reply, parse_request
+from khepera_protocol.serial.turrets import TURRETS, build_message, message_values, parse_message
 
 LETTERS = {"gripper": "BDEFGHJ", "k213": "BLMNOPQRSTU", "radio": "BFRS", "general-io": ""}
 NUMBERS = {"gripper": 1, "k213": 2, "radio": 4, "general-io": None}

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 import serial
+from khepera_protocol.zenoh.payloads import Pose, Reset
 
 import khepera_emulator  # noqa: F401 - registers the URL scheme
-from khepera_emulator.arena import load_arena
-from khepera_emulator.drift import PRESETS
-from khepera_emulator.emulator import Emulator, Setup, make_fleet
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.body.drift import PRESETS
+from khepera_emulator.robot.emulator import Emulator, Setup, make_fleet
 from khepera_emulator.turrets.general_io import GeneralIO
-from protocol.side_channel import Pose, Reset
 
 BENCH = Path(__file__).parent / "golden" / "bench.toml"
 SEND = b"T,4,S,2,3,72,105,33" + 13 * b",0"

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from khepera_emulator.uart import (
+from khepera_emulator.line.uart import (
     GRID,
     INTERPRETER_TIME,
     RECEIVE_LIMIT,

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from khepera_protocol.mirror import Mirror
 
 from macor_hil.errors import CameraError
 from macor_hil.mind.eyes.opponent import opponent_colours
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
-from protocol.mirror import Mirror
 
 MIRROR = Mirror()
 

@@ -3,10 +3,10 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from khepera_emulator.faults import Direction, Happening
-from khepera_emulator.line_coding import LineFormat
-from khepera_emulator.wire_order import InOrder
-from khepera_emulator.wire_tap import WireTap
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.line.faults import Direction, Happening
+from khepera_emulator.line.recent_entries import WireTap
+from khepera_emulator.line.wire_order import InOrder
 
 
 def told(tap):

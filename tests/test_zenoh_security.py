@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 import zenoh
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
+from khepera_protocol.zenoh.config import MOST_MESSAGE
+from khepera_protocol.zenoh.session import read_configuration
 from typer.testing import CliRunner
 from watching_helpers import a_life
 
+from khepera_emulator.app.side_channel import open_zenoh as emulator_session
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.side_channel import open_zenoh as emulator_session
 from macor_hil import cli
-from macor_hil.cameras import ZenohCamera
 from macor_hil.errors import CameraLostError, TelemetryError
+from macor_hil.hardware.cameras import ZenohCamera
 from macor_hil.telemetry.publisher import Publisher
-from macor_hil.telemetry.recording import Recorder, read_recording
+from macor_hil.telemetry.recordings.recording import Recorder, read_recording
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
-from protocol.zenoh_config import MOST_MESSAGE
-from protocol.zenoh_session import read_configuration
 
 QUIET = "scouting: {multicast: {enabled: false}}"
 DOCS = Path(__file__).parents[1] / "docs" / "zenoh"

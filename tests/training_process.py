@@ -13,16 +13,16 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from macor_hil.cameras.checks import CheckedCamera, limits_for
-from macor_hil.cameras.watch import CameraWatch
-from macor_hil.caretaker import Caretaker
-from macor_hil.checkpoints import train_map
-from macor_hil.drive import Driver
 from macor_hil.errors import MacorError
-from macor_hil.hardware import is_embedded, open_hardware
+from macor_hil.hardware.cameras.checks import CheckedCamera, limits_for
+from macor_hil.hardware.cameras.watchdog import CameraWatch
+from macor_hil.hardware.devices import is_embedded, open_hardware
+from macor_hil.hardware.driver import Driver
 from macor_hil.mind.settings import MindSettings
+from macor_hil.runs.checkpoints import train_map
+from macor_hil.runs.recovery import Caretaker
+from macor_hil.runs.training import Recovery, Schedule
 from macor_hil.telemetry.session import open_session
-from macor_hil.training import Recovery, Schedule
 
 TUNING = 15
 

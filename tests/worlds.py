@@ -1,9 +1,10 @@
 """Arenas for tests, made in place."""
 
-from khepera_emulator.arena import Arena, load_arena
-from khepera_emulator.geometry import FloorPlan
+from khepera_protocol.zenoh.payloads import Pose
+
+from khepera_emulator.arenas.arena import Arena, load_arena
 from khepera_emulator.models import KHEPERA2
-from protocol.side_channel import Pose
+from khepera_emulator.world.floor_plan import FloorPlan
 
 
 def arena(**parts) -> Arena:

@@ -13,10 +13,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
+from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
+from khepera_protocol.text import printable
+
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.paths import check_name
-from protocol.terminal_link import LOCK_TEXT, lock_beside
-from protocol.text import printable
 
 _TERMINALS = Path("/dev/pts")
 

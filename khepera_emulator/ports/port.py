@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from khepera_emulator.line_coding import LineFormat
+from khepera_emulator.line.coding import LineFormat
 
 
 class Port(Protocol):

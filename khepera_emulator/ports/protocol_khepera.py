@@ -16,7 +16,8 @@ and %3F. Options after `?`, joined with `&`:
     baud=unpaced   bytes take no time, and every write a millisecond: so a program that asks
                    until something has happened gets there; a number fixes the robot's rate:
                    with other settings the client reads and sends garbage (the client's rate)
-    fault=SPEC     something that goes wrong on the line, see `khepera_emulator.faults`; repeatable
+    fault=SPEC     something that goes wrong on the line, repeatable; see
+                   `khepera_emulator.line.faults`
     turret=NAME    gripper, k213, radio or general-io; repeatable
     robots=N       so many robots in one world, of which this line is that of robot=K (1 of 1);
                    nobody talks to the others
@@ -32,12 +33,12 @@ from math import inf
 from typing import Any
 from urllib.parse import parse_qsl, unquote
 
+from khepera_protocol.text import printable
 from serial import SerialBase, SerialException
 from serial.serialutil import PortNotOpenError
 
 from khepera_emulator.clock import on_grid
-from khepera_emulator.line_coding import LineFormat
-from protocol.text import printable
+from khepera_emulator.line.coding import LineFormat
 
 _REPEATABLE = ("fault", "turret", "firmware")
 _OPTIONS = ("seed", "model", "drift", "baud", "dead-man", "robots", "robot", *_REPEATABLE)
@@ -75,19 +76,19 @@ class Serial(SerialBase):
         if self.is_open:
             raise SerialException("Port is already open.")
         # pySerial swallows an ImportError at its look-up of URL schemes: import when opening
-        from khepera_emulator.arena import MOST_ROBOTS, load_arena
+        from khepera_emulator.arenas.arena import MOST_ROBOTS, load_arena
+        from khepera_emulator.body.drift import parse_drift
         from khepera_emulator.choices import parse_choices
-        from khepera_emulator.drift import parse_drift
         from khepera_emulator.errors import EmulatorError
-        from khepera_emulator.faults import parse_faults
+        from khepera_emulator.line.faults import parse_faults
         from khepera_emulator.models import find_model
-        from khepera_emulator.physics import load_physics
+        from khepera_emulator.world.bullet import load_physics
 
         arena, options, lists = _split(str(self.portstr))
         self._rate = options.get("baud", "auto")
         try:
             load_physics()
-            from khepera_emulator.emulator import Setup, make_fleet
+            from khepera_emulator.robot.emulator import Setup, make_fleet
             from khepera_emulator.turrets import check_turrets
 
             setup = Setup(

@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line_coding import LineFormat
-from khepera_emulator.ports.terminal import Terminal, TerminalLostError
-from khepera_emulator.ports.watch import (
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.ports.inotify import (
     CLOSED_READABLE,
     CLOSED_WRITABLE,
     COMINGS,
@@ -28,6 +27,7 @@ from khepera_emulator.ports.watch import (
     READ,
     WRITTEN,
 )
+from khepera_emulator.ports.terminal import Terminal, TerminalLostError
 
 _log = logging.getLogger(__name__)
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from serial import rfc2217
 
-from khepera_emulator.line_coding import PARITIES, LineFormat
+from khepera_emulator.line.coding import PARITIES, LineFormat
 from khepera_emulator.ports.tcp import TcpPort
 
 _log = logging.getLogger(__name__)

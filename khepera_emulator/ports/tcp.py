@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Final
 
-from khepera_emulator.bell import Bell
+from khepera_protocol.text import printable
+
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line_coding import LineFormat
-from protocol.text import printable
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.ports.bell import Bell
 
 _log = logging.getLogger(__name__)
 

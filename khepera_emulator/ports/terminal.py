@@ -17,8 +17,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Final
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line_coding import LineFormat
-from khepera_emulator.ports.watch import CLOSED_READABLE, COMINGS, OPENED, READ, Watch
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.ports.inotify import CLOSED_READABLE, COMINGS, OPENED, READ, Watch
 
 FIRST_RATE: Final = 9600
 """Bits a second that the line shows until a client sets another rate: a Khepera's mode 1."""

@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from khepera_protocol.serial.turrets import TURRETS
+from khepera_protocol.text import quoted
 
 from khepera_emulator.choices import Choices
 from khepera_emulator.errors import EmulatorError
@@ -12,8 +14,6 @@ from khepera_emulator.turrets.gripper import Gripper
 from khepera_emulator.turrets.k213 import K213
 from khepera_emulator.turrets.radio import Radio, RadioMedium
 from khepera_emulator.turrets.turret import BusTurret, MessageTurret, Site, Turret
-from protocol.text import quoted
-from protocol.turrets import TURRETS
 
 __all__ = ["Equipment", "Rack", "RadioMedium", "Site", "check_turrets", "mount"]
 
@@ -23,7 +23,7 @@ class Equipment:
     """What makes one Khepera differ from another of its model.
 
     Attributes:
-        turrets: names of `protocol.turrets.TURRETS`.
+        turrets: names of `khepera_protocol.serial.turrets.TURRETS`.
         choices: of its firmware.
         radio: the air of its world.
         number: what other robots' radios call it.

@@ -1,6 +1,6 @@
 """The general I/O turret: eight digital inputs and outputs on the byte bus, three A/D inputs."""
 
-from protocol.turrets import ANALOGUE_CHANNELS, BUS_ADDRESS, TURRETS
+from khepera_protocol.serial.turrets import ANALOGUE_CHANNELS, BUS_ADDRESS, TURRETS
 
 PULLED_UP = 255
 """What unconnected digital inputs read (a choice)."""

@@ -4,10 +4,10 @@ from math import hypot
 
 import numpy as np
 
-from khepera_emulator.geometry import Scene
-from khepera_emulator.rays import Array
 from khepera_emulator.turrets.turret import Piece, Point
-from khepera_emulator.world import World
+from khepera_emulator.world.floor_plan import Scene
+from khepera_emulator.world.rays import Array
+from khepera_emulator.world.world import World
 
 SOLID_RESISTIVITY = 128
 """Reading of a solid, whose material no arena tells (a choice)."""

@@ -7,9 +7,10 @@ arm between 165 (up) and 255 (lowest), lifts to 175 and puts down at 240, and ta
 
 from typing import Final
 
+from khepera_protocol.serial.turrets import TURRETS
+from khepera_protocol.serial.units import CONTROL_PERIOD
+
 from khepera_emulator.turrets.turret import Piece, Point, Site, Values, ticks
-from protocol.turrets import TURRETS
-from protocol.units import CONTROL_PERIOD
 
 ARM_DOWN: Final = 255.0
 ARM_UP: Final = 150.0

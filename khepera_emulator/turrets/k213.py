@@ -10,13 +10,13 @@ from math import radians
 from typing import Final
 
 import numpy as np
+from khepera_protocol.serial.errors import RequestError
+from khepera_protocol.serial.messages import PROTOCOL_ERROR
+from khepera_protocol.serial.turrets import PIXELS, READING_PERIODS, TURRETS
+from khepera_protocol.serial.units import CONTROL_PERIOD
 from numpy.typing import NDArray
 
 from khepera_emulator.turrets.turret import Site, Values, ticks
-from protocol.errors import RequestError
-from protocol.messages import PROTOCOL_ERROR
-from protocol.turrets import PIXELS, READING_PERIODS, TURRETS
-from protocol.units import CONTROL_PERIOD
 
 FIELD: Final = radians(36.0)
 BLACK: Final = 50.0

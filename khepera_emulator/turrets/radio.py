@@ -7,9 +7,16 @@ read the message before. Reading takes the message out; an empty buffer reads as
 
 from typing import Final, NamedTuple
 
+from khepera_protocol.serial.turrets import (
+    RADIO_BYTES,
+    RADIO_FAILED,
+    RADIO_READY,
+    RADIO_RECEIVED,
+    TURRETS,
+)
+
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.turrets.turret import Values
-from protocol.turrets import RADIO_BYTES, RADIO_FAILED, RADIO_READY, RADIO_RECEIVED, TURRETS
 
 AIR_TIME: Final = 0.050
 """Seconds that a message takes (a choice): about 20 bytes at 4800 bits a second."""

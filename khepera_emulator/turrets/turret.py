@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from math import cos, sin
 from typing import Protocol, runtime_checkable
 
-from khepera_emulator.rays import Array
-from protocol.turrets import TurretKind
-from protocol.units import CONTROL_PERIOD
+from khepera_protocol.serial.turrets import TurretKind
+from khepera_protocol.serial.units import CONTROL_PERIOD
+
+from khepera_emulator.world.rays import Array
 
 Point = tuple[float, float]
 Place = tuple[float, float, float]

@@ -4,11 +4,10 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import typer
+from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from rich.console import Console
 from rich.table import Table
 
-from macor_hil.cameras.checks import CheckedCamera, limits_of
-from macor_hil.cameras.watch import DEFAULT_LIMIT
 from macor_hil.cli.ending import Status, kept, told
 from macor_hil.cli.learning import train
 from macor_hil.cli.options import (
@@ -29,18 +28,19 @@ from macor_hil.cli.options import (
     hardware_of,
 )
 from macor_hil.cli.paths import PICTURES, check_file, check_folder
-from macor_hil.demo import DEFAULT_SEED, DemoSettings, reserved, run_demo
-from macor_hil.drive import DriveSettings
 from macor_hil.errors import MacorError
+from macor_hil.hardware.cameras.checks import CheckedCamera, limits_of
+from macor_hil.hardware.cameras.watchdog import DEFAULT_LIMIT
+from macor_hil.hardware.driver import DriveSettings
+from macor_hil.hardware.profile import load_profile
 from macor_hil.mind.catalogue import PLANNERS, build_brain
 from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map
-from macor_hil.pictures import draw_trials, draw_view
-from macor_hil.profile import load_profile
-from macor_hil.service import ServiceConfig, serve
+from macor_hil.monitor.pictures import draw_trials, draw_view
+from macor_hil.runs.demo import DEFAULT_SEED, DemoSettings, reserved, run_demo
+from macor_hil.runs.service import ServiceConfig, serve
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import ask_to_stop
-from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
 _DRIVE: Final = DriveSettings()
 

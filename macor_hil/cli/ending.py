@@ -8,7 +8,7 @@ from typing import Final
 
 import typer
 
-from macor_hil.interruption import interruption_in_charge
+from macor_hil.safety.interruption import interruption_in_charge
 
 CLOSED_OUTPUT: Final = "a closed standard output"
 

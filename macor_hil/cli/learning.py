@@ -9,18 +9,13 @@ from typing import Annotated, Final
 
 import numpy as np
 import typer
+from khepera_protocol.text import printable
+from khepera_protocol.zenoh.payloads import DEFAULT_ENDPOINT, Reset
 from rich import box
 from rich.console import Console
 from rich.progress import Progress, TaskID
 from rich.table import Table
 
-from macor_hil.agent import Agent
-from macor_hil.bench import Bench
-from macor_hil.cameras.checks import CheckedCamera, limits_for
-from macor_hil.cameras.watch import CameraWatch
-from macor_hil.caretaker import Caretaker
-from macor_hil.checkpoints import checkpoint_path, commands_kept, train_map
-from macor_hil.claim import claim
 from macor_hil.cli.ending import kept
 from macor_hil.cli.options import (
     COLUMNS,
@@ -43,20 +38,25 @@ from macor_hil.cli.options import (
     shown,
 )
 from macor_hil.cli.paths import check_file, check_folder
-from macor_hil.demo import DEFAULT_SEED
-from macor_hil.drive import Driver, DriveSettings, all_of
 from macor_hil.errors import MacorError, MapError
-from macor_hil.hardware import is_embedded
-from macor_hil.interruption import signals_taken_over
+from macor_hil.hardware.bench import Bench
+from macor_hil.hardware.cameras.checks import CheckedCamera, limits_for
+from macor_hil.hardware.cameras.watchdog import CameraWatch
+from macor_hil.hardware.devices import is_embedded
+from macor_hil.hardware.driver import Driver, DriveSettings, all_of
+from macor_hil.hardware.profile import RobotProfile, load_profile
 from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner, memory_for
 from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.settings import MOST_NODES, MindSettings, Part
-from macor_hil.possible import Possible, compare, judge
-from macor_hil.profile import RobotProfile, load_profile
-from macor_hil.training import Recovery, Schedule
-from macor_hil.trials import Spread, Trial, run_trial
-from protocol.side_channel import DEFAULT_ENDPOINT, Reset
-from protocol.text import printable
+from macor_hil.runs.agent import Agent
+from macor_hil.runs.checkpoints import checkpoint_path, commands_kept, train_map
+from macor_hil.runs.demo import DEFAULT_SEED
+from macor_hil.runs.possible import Possible, compare, judge
+from macor_hil.runs.recovery import Caretaker
+from macor_hil.runs.training import Recovery, Schedule
+from macor_hil.runs.trials import Spread, Trial, run_trial
+from macor_hil.safety.claim import claim
+from macor_hil.safety.interruption import signals_taken_over
 
 _DRIVE: Final = DriveSettings()
 
@@ -332,7 +332,8 @@ def reproduce(
     What is done stays done: a run that was interrupted goes on when started again.
     """
     with extra("experiments"):
-        from macor_hil.experiments import catalogue, runner
+        from macor_hil.experiments import catalogue
+        from macor_hil.experiments.sweep import runner
     chosen = catalogue.find(name)
     check_folder("--out", out)
     with (
@@ -362,8 +363,8 @@ def learn(
 ) -> None:
     """Train a map from recordings of drives (see `record`), without a robot."""
     with extra("recording"):
-        from macor_hil.telemetry.recording import play_recording
-    from macor_hil.learning import learn as take_in
+        from macor_hil.telemetry.recordings.recording import play_recording
+    from macor_hil.runs.recorded_drives import learn as take_in
 
     check_file("--map", map_file)
     if map_file.exists():

@@ -7,13 +7,10 @@ from typing import Annotated, Final
 
 import cv2
 import typer
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.payloads import DEFAULT_ENDPOINT
 
 from macor_hil.arrays import Image
-from macor_hil.bench import Bench, PortBench, ZenohBench
-from macor_hil.calibration import drive_all, fit_wheels, moves
-from macor_hil.cameras.checks import CheckedCamera, PictureLimits, limits_for
-from macor_hil.cameras.mirror_fit import draw_mirror, find_mirror
-from macor_hil.claim import claim
 from macor_hil.cli.ending import kept
 from macor_hil.cli.options import (
     DEFAULT_PORT,
@@ -28,18 +25,21 @@ from macor_hil.cli.options import (
     progress_bar,
 )
 from macor_hil.cli.paths import PICTURES, check_file
-from macor_hil.demo import DEFAULT_SEED
-from macor_hil.drive import Driver, DriveSettings
 from macor_hil.errors import CalibrationError, CameraError, MacorError
-from macor_hil.hardware import is_embedded, robot_of
-from macor_hil.interruption import signals_taken_over
-from macor_hil.measured import Course, Measured, measured_path
-from macor_hil.odometry import Wheels
-from macor_hil.profile import change_profile, load_profile
-from macor_hil.rulers import BenchRuler, Hands, Ruler
+from macor_hil.hardware.bench import Bench, PortBench, ZenohBench
+from macor_hil.hardware.calibration.course import drive_all, fit_wheels, moves
+from macor_hil.hardware.calibration.measured import Course, Measured, measured_path
+from macor_hil.hardware.calibration.measuring import BenchRuler, Hands, Ruler
+from macor_hil.hardware.cameras.checks import CheckedCamera, PictureLimits, limits_for
+from macor_hil.hardware.cameras.mirror_fit import draw_mirror, find_mirror
+from macor_hil.hardware.devices import is_embedded, robot_of
+from macor_hil.hardware.driver import Driver, DriveSettings
+from macor_hil.hardware.odometry import Wheels
+from macor_hil.hardware.profile import change_profile, load_profile
+from macor_hil.runs.demo import DEFAULT_SEED
+from macor_hil.safety.claim import claim
+from macor_hil.safety.interruption import signals_taken_over
 from macor_hil.telemetry.session import open_session
-from protocol.mirror import Mirror
-from protocol.side_channel import DEFAULT_ENDPOINT
 
 _DRIVE: Final = DriveSettings()
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import typer
+from khepera_protocol.extras import how_to_install
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -18,14 +19,13 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from macor_hil.cameras import Camera, open_camera
-from macor_hil.demo import DEFAULT_SEED
 from macor_hil.errors import MacorError
-from macor_hil.hardware import Hardware, is_embedded, open_hardware
-from macor_hil.line import open_port
+from macor_hil.hardware.cameras import Camera, open_camera
+from macor_hil.hardware.devices import Hardware, is_embedded, open_hardware
+from macor_hil.hardware.line import open_port
+from macor_hil.runs.demo import DEFAULT_SEED
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
-from protocol.extras import how_to_install
 
 COLUMNS = (
     TextColumn("{task.description}"),
@@ -161,8 +161,8 @@ def shown(hardware: Hardware, robot: str, listen: list[str]) -> Iterator[Callabl
         yield lambda: None
         return
     port = hardware.robot.port
+    from khepera_emulator.app.side_channel import SideChannel
     from khepera_emulator.errors import EmulatorError
-    from khepera_emulator.side_channel import SideChannel
 
     with ExitStack() as stack:
         try:

@@ -7,8 +7,9 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Final
 
+from khepera_protocol.text import printable
+
 from macor_hil.errors import MacorError
-from protocol.text import printable
 
 _LONGEST_NAME: Final = 200
 """Bytes of a file's name: beside it stand others with longer ones (`.part`, locks)."""

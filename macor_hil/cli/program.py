@@ -7,12 +7,12 @@ from contextlib import suppress
 from typing import Final
 
 import typer
+from khepera_protocol.text import PrintableFormatter, printable
 
 from macor_hil.cli import driving, learning, measuring, ros, watching
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
 from macor_hil.errors import MacorError, NotStoppedError
-from macor_hil.interruption import Interruption
-from protocol.text import PrintableFormatter, printable
+from macor_hil.safety.interruption import Interruption
 
 _EXAMPLES = f"""[bold]Examples[/bold]
 

@@ -3,9 +3,9 @@
 from typing import Annotated
 
 import typer
+from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
 from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption, extra
-from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 
 app = typer.Typer()
 

@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from khepera_protocol.text import printable
+from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+from khepera_protocol.zenoh.schema import schema_of
 
-from macor_hil.claim import claim
 from macor_hil.cli.ending import Status, kept
 from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption, extra
 from macor_hil.cli.paths import check_file
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.monitor.terminal import watch
+from macor_hil.safety.claim import claim
 from macor_hil.telemetry.keys import KEYS
 from macor_hil.telemetry.keys_page import keys_page
 from macor_hil.telemetry.session import open_session
-from protocol.schema import schema_of
-from protocol.side_channel import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
-from protocol.text import printable
 
 app = typer.Typer()
 
@@ -81,7 +81,7 @@ def record(
     """
     check_file("the recording", file)
     with extra("recording"):
-        from macor_hil.telemetry.recorder import record as write
+        from macor_hil.telemetry.recordings.recorder import record as write
     with claim(file), open_session([], connect, zenoh_config) as session:
         samples, not_taken = write(session, robot, file, duration)
     typer.echo("; ".join(filter(None, [f"{file}: {samples} samples", not_taken.words()])))
@@ -103,9 +103,9 @@ def replay(
 ) -> None:
     """Publish a recording again, with its times: every monitor works on it."""
     with extra("recording"):
-        from macor_hil.telemetry.recording import play_recording
-    from macor_hil.telemetry.replay import Stage
-    from macor_hil.telemetry.replay import replay as play
+        from macor_hil.telemetry.recordings.recording import play_recording
+    from macor_hil.telemetry.recordings.player import Stage
+    from macor_hil.telemetry.recordings.player import replay as play
 
     name, events = play_recording(file)
     with (
@@ -137,7 +137,7 @@ def dashboard(
     with extra("dashboard"):
         from macor_hil.monitor.dashboard.app import serve
     from macor_hil.monitor.dashboard.sources import Live, Player
-    from macor_hil.monitor.watcher import Watcher
+    from macor_hil.monitor.follower import Watcher
 
     with ExitStack() as stack:
         open_source: Callable[[], Live | Player]
@@ -148,7 +148,7 @@ def dashboard(
             open_source, poll = lambda: live, live.poll
         else:
             with extra("recording"):
-                from macor_hil.telemetry.recording import read_recording
+                from macor_hil.telemetry.recordings.recording import read_recording
             name, events = read_recording(file)
             open_source = partial(Player, printable(name, 100), events)
         _check_free(port)

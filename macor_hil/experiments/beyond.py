@@ -11,13 +11,19 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
 from macor_hil.arrays import Array
-from macor_hil.experiments.blocks import Block, Picture, Table, Text
-from macor_hil.experiments.drawing import draw_trials
-from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.learning import (
+from macor_hil.experiments.drives.course import (
+    Course,
+    System,
+    on_course,
+    relearn,
+    trial_as_json,
+    trial_from_json,
+)
+from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
     EXPECTED,
     GRADED,
@@ -26,22 +32,16 @@ from macor_hil.experiments.learning import (
     learn_all,
     situations_of,
 )
-from macor_hil.experiments.recording import Drive, Recording, Recordings
-from macor_hil.experiments.results import Result, Results
-from macor_hil.experiments.statistics import estimate, mean
-from macor_hil.experiments.systems import (
-    Course,
-    System,
-    on_course,
-    relearn,
-    trial_as_json,
-    trial_from_json,
-)
+from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.drawing import draw_trials
+from macor_hil.experiments.report.statistics import estimate, mean
+from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.memories.prototypes import memberships
 from macor_hil.mind.planners.graded import Graded
-from macor_hil.trials import Trial
-from protocol.side_channel import Outline
+from macor_hil.runs.trials import Trial
 
 ON_NODES: Final = "graded nodes"
 PLACED: Final = "placed prototypes"

@@ -3,6 +3,8 @@
 from importlib.util import find_spec
 from typing import Final
 
+from khepera_protocol.extras import how_to_install
+
 from macor_hil.errors import MacorError
 from macor_hil.experiments.beyond import BEYOND
 from macor_hil.experiments.drift import DRIFT
@@ -13,7 +15,6 @@ from macor_hil.experiments.figure4 import FIGURE4
 from macor_hil.experiments.goals import GOALS
 from macor_hil.experiments.peers import PEERS
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
-from protocol.extras import how_to_install
 
 EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     FIGURE2,

@@ -12,14 +12,14 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.blocks import Block, Picture, Table, Text
-from macor_hil.experiments.drawing import draw_seeds
+from macor_hil.experiments.drives.course import Course, on_course, trial_as_json, trial_from_json
+from macor_hil.experiments.drives.systems import ANTICIPATIVE, GRADED, Learning, learn_all
+from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.learning import ANTICIPATIVE, GRADED, Learning, learn_all
-from macor_hil.experiments.recording import Drive, Recordings
-from macor_hil.experiments.results import Result, Results
-from macor_hil.experiments.statistics import estimate, mean, order
-from macor_hil.experiments.systems import Course, on_course, trial_as_json, trial_from_json
+from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.drawing import draw_seeds
+from macor_hil.experiments.report.statistics import estimate, mean, order
+from macor_hil.experiments.results.store import Result, Results
 
 SHOWN: Final = {ANTICIPATIVE: "anticipative", GRADED: "graded"}
 """Systems that are driven, each with the name of its picture."""

@@ -6,9 +6,9 @@ from typing import Any, Protocol
 
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.blocks import Block
-from macor_hil.experiments.recording import Drive, Recordings
-from macor_hil.experiments.results import Result, Results
+from macor_hil.experiments.drives.training_drive import Drive, Recordings
+from macor_hil.experiments.report.blocks import Block
+from macor_hil.experiments.results.store import Result, Results
 
 
 class Settings(Protocol):

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from macor_hil.arrays import Array
-from macor_hil.experiments.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.drives.training_drive import SECTION_31, Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.recording import SECTION_31, Drive, Recordings
-from macor_hil.experiments.results import Result, Results
-from macor_hil.experiments.statistics import estimate, order
+from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.statistics import estimate, order
+from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.clusterer import Clusterer
 from macor_hil.mind.clusterers.clusterer_error import clusterer_errors, situations
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt

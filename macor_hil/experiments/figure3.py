@@ -9,17 +9,12 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
 from macor_hil.arrays import Array
 from macor_hil.commands import COMMANDS
-from macor_hil.experiments.blocks import Block, Picture, Table, Text
-from macor_hil.experiments.drawing import draw_trials
-from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.recording import SECTION_31, Drive, Recording, Recordings
-from macor_hil.experiments.results import Result, Results
-from macor_hil.experiments.statistics import estimate, order
-from macor_hil.experiments.systems import (
+from macor_hil.experiments.drives.course import (
     Course,
     System,
     on_course,
@@ -27,6 +22,12 @@ from macor_hil.experiments.systems import (
     trial_as_json,
     trial_from_json,
 )
+from macor_hil.experiments.drives.training_drive import SECTION_31, Drive, Recording, Recordings
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.drawing import draw_trials
+from macor_hil.experiments.report.statistics import estimate, order
+from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.clusterers.clusterer import Clusterer
 from macor_hil.mind.clusterers.clusterer_error import clusterer_errors, situations
@@ -35,8 +36,7 @@ from macor_hil.mind.clusterers.neural_gas import Annealing, Breadth, NeuralGas, 
 from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
 from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.reinforcement import Reinforcement
-from macor_hil.trials import Trial
-from protocol.side_channel import Outline
+from macor_hil.runs.trials import Trial
 
 
 @dataclass(frozen=True)

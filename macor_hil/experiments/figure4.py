@@ -7,9 +7,9 @@ All other experimental configuration is the same as before."
 
 from typing import Final
 
-from macor_hil.experiments.blocks import Block, Text
 from macor_hil.experiments.figure3 import Settings, differences, make, side_by_side
-from macor_hil.experiments.results import Results
+from macor_hil.experiments.report.blocks import Block, Text
+from macor_hil.experiments.results.store import Results
 
 _CLAIM: Final = (
     "The paper: after 1,000 steps only Fuzzy ART realizes a collision avoidance; the Neural Gas"

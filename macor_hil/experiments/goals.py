@@ -17,9 +17,8 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.blocks import Block, Picture, Table, Text
-from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.learning import (
+from macor_hil.experiments.drives.course import Course, System, Track, on_course, relearn
+from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
     EXPECTED,
     GRADED,
@@ -29,10 +28,11 @@ from macor_hil.experiments.learning import (
     graded_memory,
     learn_all,
 )
-from macor_hil.experiments.recording import Drive, Recording, Recordings
-from macor_hil.experiments.results import Result, Results
-from macor_hil.experiments.statistics import estimate, mean
-from macor_hil.experiments.systems import Course, System, Track, on_course, relearn
+from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.statistics import estimate, mean
+from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.memories.graded import GradedMemory
 from macor_hil.mind.memories.memory import Memory

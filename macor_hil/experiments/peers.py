@@ -15,11 +15,15 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.blocks import Block, Picture, Table, Text
-from macor_hil.experiments.drawing import draw_seeds
-from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.falcon import MEMORY, PEER, Falcon, FalconPlanner, Parameters
-from macor_hil.experiments.learning import (
+from macor_hil.experiments.drives.course import (
+    Course,
+    System,
+    on_course,
+    relearn,
+    trial_as_json,
+)
+from macor_hil.experiments.drives.falcon import MEMORY, PEER, Falcon, FalconPlanner, Parameters
+from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
     GRADED,
     REACTIVE,
@@ -27,16 +31,12 @@ from macor_hil.experiments.learning import (
     Q,
     learn_all,
 )
-from macor_hil.experiments.recording import Drive, Recording, Recordings
-from macor_hil.experiments.results import TOOK, Result, Results
-from macor_hil.experiments.statistics import Order, estimate, mean, order
-from macor_hil.experiments.systems import (
-    Course,
-    System,
-    on_course,
-    relearn,
-    trial_as_json,
-)
+from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.drawing import draw_seeds
+from macor_hil.experiments.report.statistics import Order, estimate, mean, order
+from macor_hil.experiments.results.store import TOOK, Result, Results
 from macor_hil.experiments.table1 import (
     order_table,
     per_seed,

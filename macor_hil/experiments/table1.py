@@ -12,12 +12,16 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
+from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.blocks import Block, Picture, Table, Text
-from macor_hil.experiments.drawing import draw_seeds, draw_trials
-from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.learning import (
+from macor_hil.experiments.drives.course import (
+    Course,
+    on_course,
+    trial_as_json,
+    trial_from_json,
+)
+from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
     EXPECTED,
     GRADED,
@@ -27,17 +31,13 @@ from macor_hil.experiments.learning import (
     Q,
     learn_all,
 )
-from macor_hil.experiments.recording import Drive, Recordings
-from macor_hil.experiments.results import Result, Results
-from macor_hil.experiments.statistics import Order, estimate, order
-from macor_hil.experiments.systems import (
-    Course,
-    on_course,
-    trial_as_json,
-    trial_from_json,
-)
-from macor_hil.trials import Trial
-from protocol.side_channel import Outline
+from macor_hil.experiments.drives.training_drive import Drive, Recordings
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.drawing import draw_seeds, draw_trials
+from macor_hil.experiments.report.statistics import Order, estimate, order
+from macor_hil.experiments.results.store import Result, Results
+from macor_hil.runs.trials import Trial
 
 
 @dataclass(frozen=True)

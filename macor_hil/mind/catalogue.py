@@ -3,14 +3,15 @@
 from collections.abc import Collection, Iterable
 from typing import Any, Final
 
+from khepera_protocol.registry import Registry, RegistryError
+from khepera_protocol.text import printable
+
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import MacorError
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.memories.memory import Memory
 from macor_hil.mind.planners.planner import Planner
 from macor_hil.mind.settings import MindSettings, Part, make_part
-from protocol.registry import Registry, RegistryError
-from protocol.text import printable
 
 PLANNERS: Final = Registry(
     "planner",

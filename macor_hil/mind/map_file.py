@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from khepera_protocol.text import printable
 from pydantic import TypeAdapter
 from pydantic_core import from_json
 
@@ -24,7 +25,6 @@ from macor_hil.input_files import MIB, checked, read_arrays, read_bounded
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.settings import MindSettings
-from protocol.text import printable
 
 FORMAT: Final = "macor map"
 VERSION: Final = 4

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from inspect import Parameter, signature
 from typing import Annotated, Any, Final
 
+from khepera_protocol.mirror import Mirror, StoredMirror
+from khepera_protocol.validation import problems
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from macor_hil.errors import MacorError
 from macor_hil.mind.reinforcement import Reinforcement
-from protocol.mirror import Mirror, StoredMirror
-from protocol.validation import problems
 
 MOST_NODES: Final = 1000
 """Situations of the largest map."""

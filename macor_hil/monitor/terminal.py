@@ -8,8 +8,8 @@ import zenoh
 from rich.console import Console
 from rich.live import Live
 
-from macor_hil.monitor.view import render
-from macor_hil.monitor.watcher import Watcher
+from macor_hil.monitor.follower import Watcher
+from macor_hil.monitor.terminal_view import render
 
 _REFRESH: Final = 0.2
 """Seconds between two pictures."""

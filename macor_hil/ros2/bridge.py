@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Final, Self
 
 import zenoh
+from khepera_protocol.zenoh.payloads import MOST_JSON, MOST_PICTURE, PayloadError, controller_key
 
-from macor_hil.cameras.decoding import check_picture
 from macor_hil.errors import TelemetryError, WrongPictureError
+from macor_hil.hardware.cameras.decoding import check_picture
 from macor_hil.ros2 import messages
 from macor_hil.ros2.wire import LAST_DOMAIN, Node, Topic, attachment, gid, namespace_of
 from macor_hil.telemetry.feed import Loss, NotTaken, Refusal
@@ -23,7 +24,6 @@ from macor_hil.telemetry.keys import DECISION, FRAME
 from macor_hil.telemetry.samples import check_sample, size_of
 from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import check_robot_name, open_session
-from protocol.side_channel import MOST_JSON, MOST_PICTURE, PayloadError, controller_key
 
 NODE: Final = "macor"
 """Name of the ROS node."""

@@ -9,16 +9,16 @@ from math import cos, sin
 from typing import Any, Final
 
 import numpy as np
+from khepera_protocol.text import printable
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from macor_hil.commands import COMMANDS
-from macor_hil.drive import DriveSettings
 from macor_hil.errors import TelemetryError
+from macor_hil.hardware.driver import DriveSettings
 from macor_hil.ros2.wire import Topic
 from macor_hil.telemetry.schemas import Decision
-from protocol.text import printable
 
 ODOMETRY_FRAME: Final = "odom"
 BODY_FRAME: Final = "base_link"

@@ -3,6 +3,21 @@
 from math import pi
 from typing import Final
 
+from khepera_protocol.zenoh.payloads import (
+    CameraQuery,
+    Outline,
+    Payload,
+    Pose,
+    Reset,
+    Solid,
+    Stamp,
+    Stop,
+    Truth,
+    WheelDrift,
+    Wire,
+    WireEntry,
+)
+
 from macor_hil.telemetry.schemas import (
     Ahead,
     Alternative,
@@ -17,20 +32,6 @@ from macor_hil.telemetry.schemas import (
     Phase,
     Situation,
     State,
-)
-from protocol.side_channel import (
-    CameraQuery,
-    Outline,
-    Payload,
-    Pose,
-    Reset,
-    Solid,
-    Stamp,
-    Stop,
-    Truth,
-    WheelDrift,
-    Wire,
-    WireEntry,
 )
 
 _BEST: Final = [Ahead(node=1, command="straight"), Ahead(node=0, command="left")]

@@ -12,15 +12,15 @@ from functools import partial
 from typing import Final, Self
 
 import zenoh
+from khepera_protocol.text import printable
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
+from khepera_protocol.zenoh.payloads import MOST_JSON, MOST_PICTURE, PayloadError, Stamp
 
 from macor_hil.telemetry.inbox import Inbox
 from macor_hil.telemetry.keys import ALIVE, KEYS, PAYLOADS
 from macor_hil.telemetry.samples import check_sample, size_of, stamp_of
 from macor_hil.telemetry.session import check_robot_name
 from macor_hil.telemetry.steady_clock import SteadyClock
-from protocol.keys import CONTROLLER, EMULATOR
-from protocol.side_channel import MOST_JSON, MOST_PICTURE, PayloadError, Stamp
-from protocol.text import printable
 
 CAMERA: Final = "camera"
 """The emulator's own picture stream."""

@@ -2,9 +2,10 @@
 
 from typing import Final
 
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR_KEYS, Key, json_key
+from khepera_protocol.zenoh.payloads import Stop
+
 from macor_hil.telemetry.schemas import Decision, Learned, Link, State
-from protocol.keys import CONTROLLER, EMULATOR_KEYS, Key, json_key
-from protocol.side_channel import Stop
 
 FRAME: Final = "frame"
 DECISION: Final = "decision"

@@ -4,11 +4,12 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
+from khepera_protocol.zenoh.keys import Key
+from khepera_protocol.zenoh.payloads import MOST_JSON, MOST_PICTURE, MOST_STAMP, Payload, Stamp
+from khepera_protocol.zenoh.schema import schema_of
+
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.keys import KEYS
-from protocol.keys import Key
-from protocol.schema import schema_of
-from protocol.side_channel import MOST_JSON, MOST_PICTURE, MOST_STAMP, Payload, Stamp
 
 _HEAD: Final = """# Keys and payloads
 

@@ -15,16 +15,16 @@ from typing import Final, Generic, Self, TypeVar, cast
 
 import cv2
 import zenoh
+from khepera_protocol.zenoh.keys import CONTROLLER, DESCRIBE, SCHEMA_MEDIA_TYPE, schema_name
+from khepera_protocol.zenoh.payloads import Payload, Stamp, controller_key
+from khepera_protocol.zenoh.schema import schema_of
 
-from macor_hil.cameras import Camera, Frame
 from macor_hil.errors import TelemetryError
+from macor_hil.hardware.cameras import Camera, Frame
 from macor_hil.telemetry.keys import ALIVE, DECISION, FRAME, LINK, MAP, STATE
-from macor_hil.telemetry.outbox import Outbox
 from macor_hil.telemetry.schemas import Decision, Learned, Link, State
+from macor_hil.telemetry.sender import Outbox
 from macor_hil.telemetry.session import check_robot_name
-from protocol.keys import CONTROLLER, DESCRIBE, SCHEMA_MEDIA_TYPE, schema_name
-from protocol.schema import schema_of
-from protocol.side_channel import Payload, Stamp, controller_key
 
 SCHEMA_ENCODING: Final = zenoh.Encoding(SCHEMA_MEDIA_TYPE)
 

@@ -3,9 +3,8 @@
 from typing import Final
 
 import zenoh
-
-from protocol.side_channel import MOST_STAMP, PayloadError, Stamp
-from protocol.text import printable
+from khepera_protocol.text import printable
+from khepera_protocol.zenoh.payloads import MOST_STAMP, PayloadError, Stamp
 
 LONGEST_ENCODING: Final = 200
 """Bytes of the name of an encoding."""

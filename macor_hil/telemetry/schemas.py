@@ -7,9 +7,7 @@ be seen as it reads.
 from enum import StrEnum
 from typing import Annotated, Final
 
-from pydantic import FailFast, Field
-
-from protocol.side_channel import (
+from khepera_protocol.zenoh.payloads import (
     Amount,
     Count,
     Integer,
@@ -21,6 +19,7 @@ from protocol.side_channel import (
     Text,
     Time,
 )
+from pydantic import FailFast, Field
 
 MOST_COMMANDS: Final = 16
 MOST_AHEAD: Final = 4_096

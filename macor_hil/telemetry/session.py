@@ -6,10 +6,10 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import zenoh
+from khepera_protocol.zenoh import session as zenoh_session
+from khepera_protocol.zenoh.session import EndpointInUseError, SessionError
 
 from macor_hil.errors import TelemetryError
-from protocol import zenoh_session
-from protocol.zenoh_session import EndpointInUseError, SessionError
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
@@ -18,7 +18,7 @@ _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 def open_session(
     listen: Sequence[str], connect: Sequence[str], file: Path | None = None
 ) -> Iterator[zenoh.Session]:
-    """Open a session for as long as it is used; see `protocol.zenoh_session`.
+    """Open a session for as long as it is used; see `khepera_protocol.zenoh.session`.
 
     Args:
         listen: endpoints to be found at; none: do not listen.

@@ -9,12 +9,12 @@ from contextlib import ExitStack
 from typing import Final, Self
 
 import zenoh
+from khepera_protocol.zenoh.payloads import PayloadError, Stop, controller_key
+from khepera_protocol.zenoh.reply import refusal
 
 from macor_hil.errors import TelemetryError
 from macor_hil.telemetry.keys import STOP
 from macor_hil.telemetry.session import check_robot_name
-from protocol.side_channel import PayloadError, Stop, controller_key
-from protocol.zenoh_reply import refusal
 
 _PATIENCE: Final = 2.0
 _LONGEST: Final = 100

@@ -8,14 +8,14 @@ from math import isfinite, radians
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from khepera_protocol.zenoh.payloads import Pose, Reset
 from worlds import arena
 
-from khepera_emulator.arena import MOST_LAMPS, MOST_SOLIDS, MOST_THINGS, Arena, load_arena
-from khepera_emulator.emulator import Setup, make_fleet
+from khepera_emulator.arenas.arena import MOST_LAMPS, MOST_SOLIDS, MOST_THINGS, Arena, load_arena
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.starts import check_starts
-from protocol.side_channel import Pose, Reset
+from khepera_emulator.robot.emulator import Setup, make_fleet
+from khepera_emulator.world.starts import check_starts
 
 FILES = [
     (resources.files("khepera_emulator") / "arenas" / f"{name}.toml").read_bytes()
@@ -89,13 +89,13 @@ import sys
 import numpy as np
 from worlds import arena
 
-from khepera_emulator.camera import OmniCamera
-from khepera_emulator.physics import load_physics
+from khepera_emulator.senses.camera import OmniCamera
+from khepera_emulator.world.bullet import load_physics
 
 load_physics()
 
-from khepera_emulator.world import World
-from protocol.side_channel import Pose
+from khepera_emulator.world.world import World
+from khepera_protocol.zenoh.payloads import Pose
 
 
 def at(k):

@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 from serial import rfc2217
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator import daemon
-from khepera_emulator.cli import commands
-from khepera_emulator.cli.program import run
+from khepera_emulator.app import daemon
+from khepera_emulator.app.cli import commands
+from khepera_emulator.app.cli.program import run
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.faults import KINDS, Fault, parse_fault, script_specs
+from khepera_emulator.line.faults import KINDS, Fault, parse_fault, script_specs
 from khepera_emulator.ports import tcp
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort

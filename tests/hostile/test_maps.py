@@ -16,13 +16,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_map_file import a_brain
 
-from macor_hil.checkpoints import checkpoint_path, train_map
-from macor_hil.drive import DriveSettings
 from macor_hil.errors import MapError
+from macor_hil.hardware.driver import DriveSettings
 from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner
 from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.settings import MindSettings
-from macor_hil.training import Schedule
+from macor_hil.runs.checkpoints import checkpoint_path, train_map
+from macor_hil.runs.training import Schedule
 
 MIB = 1 << 20
 PEAK = 320 * MIB

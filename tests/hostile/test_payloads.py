@@ -9,20 +9,20 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
+from khepera_protocol.zenoh.payloads import MOST_JSON, PayloadError, Stamp
+from khepera_protocol.zenoh.schema import schema_of
 from rich.console import Console
 from watching_helpers import BEGIN, a_picture
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts
-from macor_hil.monitor.view import render
-from macor_hil.monitor.watched import Watched
+from macor_hil.monitor.robot_state import Watched
+from macor_hil.monitor.terminal_view import render
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival, Presence
 from macor_hil.telemetry.keys import KEYS, PAYLOADS
-from macor_hil.telemetry.recording import Recorder, read_recording
+from macor_hil.telemetry.recordings.recording import Recorder, read_recording
 from macor_hil.telemetry.schemas import Decision, Learned
-from protocol.keys import CONTROLLER, EMULATOR
-from protocol.schema import schema_of
-from protocol.side_channel import MOST_JSON, PayloadError, Stamp
 
 MODELS = sorted(EXAMPLES, key=lambda model: model.__name__)
 JSON_KEYS = sorted(PAYLOADS)

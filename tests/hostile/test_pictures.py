@@ -12,12 +12,12 @@ from controller_helpers import PATIENCE, free_endpoint, wait_until_watched
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from macor_hil.cameras.decoding import MAX_BYTES, decode_picture, read_picture
-from macor_hil.cameras.files import ImagesCamera
-from macor_hil.cameras.on_zenoh import ZenohCamera
 from macor_hil.errors import CameraError, WrongPictureError
+from macor_hil.hardware.cameras.decoding import MAX_BYTES, decode_picture, read_picture
+from macor_hil.hardware.cameras.files import ImagesCamera
+from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.monitor.dashboard import eyes
-from macor_hil.monitor.watched import Watched
+from macor_hil.monitor.robot_state import Watched
 from macor_hil.ros2.bridge import Bridge
 from macor_hil.telemetry.session import open_session
 

@@ -9,12 +9,12 @@ import pytest
 from damage import damaged
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.serial.units import PULSE, WHEEL_BASE
 
 from macor_hil.errors import ProfileError
-from macor_hil.odometry import Wheels
-from macor_hil.profile import RobotProfile, change_profile, load_profile, save_profile
-from protocol.mirror import Mirror
-from protocol.units import PULSE, WHEEL_BASE
+from macor_hil.hardware.odometry import Wheels
+from macor_hil.hardware.profile import RobotProfile, change_profile, load_profile, save_profile
 
 NAN, INF = float("nan"), float("inf")
 PROFILE = RobotProfile(Mirror(), Wheels(8.1e-5, 7.9e-5, 0.0541), {"wheels": "a square"})

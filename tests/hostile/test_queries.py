@@ -13,15 +13,15 @@ import zenoh
 from emulator_process import PATIENCE, free_endpoint
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from khepera_protocol.zenoh.config import zenoh_config
+from khepera_protocol.zenoh.keys import EMULATOR_KEYS
+from khepera_protocol.zenoh.payloads import Truth
 
-from khepera_emulator import emulator as emulator_module
-from khepera_emulator.arena import load_arena
-from khepera_emulator.emulator import Emulator, Setup
+from khepera_emulator.app.side_channel import SideChannel
+from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.side_channel import SideChannel
-from protocol.keys import EMULATOR_KEYS
-from protocol.side_channel import Truth
-from protocol.zenoh_config import zenoh_config
+from khepera_emulator.robot.emulator import Emulator, Setup
+from khepera_emulator.robot.robot import emulator as emulator_module
 
 LEAVES = [key.leaf for key in EMULATOR_KEYS if key.leaf != "alive"]
 
@@ -125,7 +125,7 @@ def test_a_sample_that_fails_is_told_once_and_the_others_go_on(bench, monkeypatc
 def test_a_reset_that_fails_leaves_the_robot_as_it_was(bench, monkeypatch):
     before = bench.truth()
     with monkeypatch.context() as patch:
-        patch.setattr("khepera_emulator.fleet.World", lambda *_, **__: 1 / 0)
+        patch.setattr("khepera_emulator.robot.fleet.World", lambda *_, **__: 1 / 0)
         assert "ZeroDivisionError" in bench.refusal("reset", '{"seed": 3}')
     with monkeypatch.context() as patch:
         patch.setattr(emulator_module, "random_pose", lambda *_: 1 / 0)

@@ -17,19 +17,19 @@ import zstandard
 from damage import damaged
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from khepera_protocol.zenoh.keys import EMULATOR
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 from watching_helpers import BEGIN, a_life
 
 from macor_hil.errors import MacorError, RecordingError
-from macor_hil.learning import learn
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.settings import MindSettings
+from macor_hil.runs.recorded_drives import learn
 from macor_hil.telemetry.feed import Presence
-from macor_hil.telemetry.mcap_file import Damage, read_messages
-from macor_hil.telemetry.recording import Recorder, play_recording, read_recording
-from protocol.keys import EMULATOR
+from macor_hil.telemetry.recordings.mcap_file import Damage, read_messages
+from macor_hil.telemetry.recordings.recording import Recorder, play_recording, read_recording
 
 MIB = 1 << 20
 PEAK = 200 * MIB

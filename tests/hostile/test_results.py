@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from test_experiments import DRIVE
 
 from macor_hil.errors import MacorError
-from macor_hil.experiments.recording import Recordings
-from macor_hil.experiments.results import ResultsFile, append_line, only_one, read_lines
-from macor_hil.experiments.runner import _costs
+from macor_hil.experiments.drives.training_drive import Recordings
+from macor_hil.experiments.results.store import ResultsFile, append_line, only_one, read_lines
+from macor_hil.experiments.sweep.runner import _costs
 
 RESULTS = {
     seed: {"trials": {"graded": [{"r": [0.62, 0.54, 0.1 * seed], "path": [[0.0, 0.25, 1e-05]]}]}}

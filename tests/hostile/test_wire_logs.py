@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator.cli import app
+from khepera_emulator.app.cli import app
+from khepera_emulator.app.replay import Difference, replay
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line_coding import LineFormat
-from khepera_emulator.replay import Difference, replay
-from khepera_emulator.wire_log import WireLog, read_log
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.line.wire_log import WireLog, read_log
 
 URL = "khepera://open-box?seed=3&baud=unpaced"
 REQUESTS = (b"B\n", b"D,5,3\n", b"N\n", b"H\n", b"\xff\x00\n", b"D,0,0\n", b"K\n", b"memory\n")

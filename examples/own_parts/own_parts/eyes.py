@@ -3,11 +3,11 @@
 from typing import Annotated
 
 import numpy as np
+from khepera_protocol.mirror import Mirror
 from pydantic import Field
 
 from macor_hil.arrays import Array, Image, State
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
-from protocol.mirror import Mirror
 
 
 class GreyEyes:

@@ -2,8 +2,9 @@
 
 from typing import Protocol
 
+from khepera_protocol.mirror import Mirror
+
 from macor_hil.arrays import Array, Image, State
-from protocol.mirror import Mirror
 
 
 class Eyes(Protocol):

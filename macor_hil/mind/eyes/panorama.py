@@ -4,13 +4,13 @@ from dataclasses import replace
 from typing import Annotated, Final
 
 import numpy as np
+from khepera_protocol.mirror import Mirror
 from pydantic import Field
 
 from macor_hil.arrays import Array, Image, State
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.mind.stored import numbers
-from protocol.mirror import Mirror
 
 _LEAST_RANGE: Final = 1e-3
 

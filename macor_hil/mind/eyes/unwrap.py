@@ -6,11 +6,11 @@ from typing import Annotated
 
 import cv2
 import numpy as np
+from khepera_protocol.mirror import Mirror
 from pydantic import Field
 
 from macor_hil.arrays import Image
 from macor_hil.errors import CameraError
-from protocol.mirror import Mirror
 
 
 @dataclass(frozen=True, slots=True)

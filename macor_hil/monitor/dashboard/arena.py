@@ -4,6 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import cos, degrees, sin
 from typing import Final, NamedTuple
 
+from khepera_protocol.serial.units import BODY_RADIUS
+from khepera_protocol.zenoh.payloads import Outline, Pose
+
 from macor_hil.monitor.dashboard.svg import (
     BAD,
     BEST,
@@ -15,10 +18,8 @@ from macor_hil.monitor.dashboard.svg import (
     points,
     rgb,
 )
-from macor_hil.monitor.watched import Watched
+from macor_hil.monitor.robot_state import Watched
 from macor_hil.telemetry.schemas import Ahead, Command, Hypothesis
-from protocol.side_channel import Outline, Pose
-from protocol.units import BODY_RADIUS
 
 _MOST_HYPOTHESES: Final = 12
 _MARGIN: Final = 0.02

@@ -3,6 +3,9 @@
 from math import cos, radians, sin
 from typing import Final
 
+from khepera_protocol.serial.commands import SENSOR_BEARINGS, SENSORS
+from khepera_protocol.serial.units import PROXIMITY_FULL
+
 from macor_hil.monitor.dashboard.svg import (
     BAD,
     BEST,
@@ -19,8 +22,6 @@ from macor_hil.monitor.dashboard.svg import (
     tip,
 )
 from macor_hil.telemetry.schemas import Decision, Learned
-from protocol.commands import SENSOR_BEARINGS, SENSORS
-from protocol.units import PROXIMITY_FULL
 
 _CELL: Final = 12.0
 _LEFT: Final = 62.0

@@ -2,7 +2,7 @@
 
 import logging
 
-from protocol.text import printable
+from khepera_protocol.text import printable
 
 
 class Failures:

@@ -7,10 +7,10 @@ from copy import deepcopy
 from math import isnan
 from typing import Final, Protocol
 
-from macor_hil.monitor.watched import Watched
-from macor_hil.monitor.watcher import Watcher
+from macor_hil.monitor.follower import Watcher
+from macor_hil.monitor.robot_state import Watched
 from macor_hil.telemetry.feed import Event
-from macor_hil.telemetry.playing_times import in_playing_time
+from macor_hil.telemetry.recordings.playing_times import in_playing_time
 
 _NS: Final = 1e-9
 

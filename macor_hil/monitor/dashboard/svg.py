@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from html import escape
 from typing import Final
 
-from protocol.text import printable
+from khepera_protocol.text import printable
 
 _LONGEST: Final = 200
 """Characters of a text."""

@@ -5,9 +5,10 @@ They are cleaned as for a terminal: what turns a text around or hides in it is s
 
 from typing import Final
 
-from macor_hil.monitor.watched import Arrivals, Watched
+from khepera_protocol.text import printable
+
+from macor_hil.monitor.robot_state import Arrivals, Watched
 from macor_hil.telemetry.schemas import Phase
-from protocol.text import printable
 
 _LINES: Final = 12
 _LONGEST: Final = 200

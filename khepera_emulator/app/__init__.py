@@ -1,0 +1,1 @@
+"""The program around the emulator: daemon, side channel, replay, command line."""

@@ -1,0 +1,416 @@
+"""Camera, ground truth and reset of an emulated robot over Zenoh: what never goes on the line.
+
+So do the bytes on the line themselves, for those who watch it.
+
+Zenoh calls back in threads of its own. They only put queries on a list and wake the emulator's
+thread, which answers them between two portions of the serial line. Whatever fails meanwhile is the
+answer, or is logged: nobody who asks, or looks, ends the emulator.
+"""
+
+import json
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import NamedTuple, Self, TypeVar, cast
+
+import cv2
+import zenoh
+from khepera_protocol.text import printable
+from khepera_protocol.zenoh.keys import (
+    DESCRIBE,
+    EMULATOR,
+    EMULATOR_KEYS,
+    SCHEMA_MEDIA_TYPE,
+    Key,
+    schema_name,
+)
+from khepera_protocol.zenoh.payloads import CameraQuery, Payload, Reset, Stamp, robot_key
+from khepera_protocol.zenoh.schema import schema_of
+from khepera_protocol.zenoh.session import EndpointInUseError, SessionError, open_session
+from pydantic import ValidationError
+
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line.recent_entries import WireTap
+from khepera_emulator.line.wire_log import WireLog
+from khepera_emulator.ports.bell import Bell
+from khepera_emulator.robot.emulator import Emulator
+
+_log = logging.getLogger(__name__)
+
+TRUTH_RATE = 10.0
+"""Ground truths a second, published while someone listens."""
+
+WIRE_RATE = 10.0
+"""Times a second that what passed on the line is published, while someone listens."""
+
+_HARMLESS = frozenset({"truth", "arena"})
+_MOST_WAITING = 64
+_LONGEST_REQUEST = 10_000
+"""Bytes of a query's payload that are read."""
+
+_LONGEST_REASON = 300
+_ENCODINGS = {"png": zenoh.Encoding.IMAGE_PNG, "jpeg": zenoh.Encoding.IMAGE_JPEG}
+_JPEG_FRAME = CameraQuery(encoding="jpeg").model_dump_json().encode()
+
+_P = TypeVar("_P", bound=Payload)
+
+
+class _Content(NamedTuple):
+    payload: bytes
+    encoding: zenoh.Encoding
+
+
+_Answer = Callable[[Emulator, bytes], _Content]
+
+
+class SideChannel:
+    """Zenoh keys of one emulated robot; use as a context.
+
+    Streams keep their rates in real time, whatever the robot's clock does: watching costs the
+    same at any speed.
+
+    Args:
+        robot: its name in the keys.
+        listen: endpoints to listen on.
+        connect: endpoints of peers to connect to, now or when they appear.
+        camera_rate: frames a second of the camera's stream.
+        beside: another robot's channel, whose session it shares instead of one of its own.
+        config: Zenoh's own configuration, instead of `listen` and `connect`.
+        looking: offer the arena and the truth alone: nothing that could change what happens, as a
+            reset or another picture with noise of its own would.
+
+    Raises:
+        EmulatorError: an endpoint is malformed or already in use.
+    """
+
+    def __init__(
+        self,
+        robot: str,
+        listen: Sequence[str],
+        connect: Sequence[str] = (),
+        camera_rate: float = 10.0,
+        beside: "SideChannel | None" = None,
+        config: Path | None = None,
+        *,
+        looking: bool = False,
+    ) -> None:
+        self._waiting: deque[tuple[_Replier, zenoh.Query]] = deque()
+        with ExitStack() as stack:
+            self._wake = Bell()
+            stack.callback(self._wake.close)
+            self._session: zenoh.Session = (
+                beside._session
+                if beside
+                else stack.enter_context(open_zenoh(listen, connect, config))
+            )
+            session = self._session
+            self._tap = WireTap()
+            answers = {**_ANSWERS, "wire": lambda _, __: _json(self._tap.since(0))}
+            offered = _HARMLESS if looking else {*answers}
+            for key in EMULATOR_KEYS:
+                if key.leaf in offered:
+                    replier = _Replier(session, robot, key, answers[key.leaf])
+                    queryable = session.declare_queryable(replier.name, self._enqueue(replier))
+                    # the session may live on: that of a channel beside this one
+                    stack.callback(queryable.undeclare)
+            # streams of one rate are due together: one wake-up for all of them
+            start = time.monotonic()
+            self._streams = [
+                _Stream(start, session, robot_key(robot, leaf), rate, answer, request)
+                for leaf, rate, answer, request in (
+                    ("camera", camera_rate, _camera, _JPEG_FRAME),
+                    ("truth", TRUTH_RATE, _truth, b""),
+                    ("wire", WIRE_RATE, _fresh_entries(self._tap), b""),
+                )
+                if leaf in offered
+            ]
+            for stream in self._streams:
+                stack.callback(stream.close)
+            alive = session.liveliness().declare_token(robot_key(robot, "alive"))
+            stack.callback(alive.undeclare)
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def listening(self, log: WireLog | None) -> WireTap:
+        """What the daemon tells of the line, to be published; and to be written down in a log."""
+        self._tap.log = log
+        return self._tap
+
+    def fileno(self) -> int:
+        """Descriptor that becomes readable when a query has come."""
+        return self._wake.fileno()
+
+    def delay(self) -> float:
+        """Real seconds until `serve` is due; 0 when it is."""
+        if self._waiting:
+            return 0.0
+        return max(0.0, min(stream.next for stream in self._streams) - time.monotonic())
+
+    def serve(self, emulator: Emulator) -> None:
+        """Answer one query and publish what is due, all as of `emulator.now`."""
+        self._wake.silence()
+        if self._waiting:
+            replier, query = self._waiting.popleft()
+            with query:
+                replier.reply(query, emulator)
+        for stream in self._streams:
+            stream.publish_if_due(emulator)
+
+    def _enqueue(self, replier: "_Replier") -> Callable[[zenoh.Query], None]:
+        def enqueue(query: zenoh.Query) -> None:
+            if len(self._waiting) >= _MOST_WAITING:
+                with query:
+                    query.reply_err(f"{_MOST_WAITING} queries wait already; ask less often")
+                return
+            self._waiting.append((replier, query))
+            self._wake.ring()
+
+        return enqueue
+
+
+class _Guard:
+    """Survives whatever fails within it; use as a context.
+
+    Args:
+        tell: is given what has failed.
+    """
+
+    def __init__(self, tell: Callable[[Exception], None]) -> None:
+        self._tell = tell
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        if not isinstance(error, Exception):
+            return False  # nothing failed, or the process is told to end
+        self._tell(error)
+        return True
+
+
+class _Replier:
+    """Answers the queries on one key.
+
+    Attributes:
+        name: the key, with the robot's name in it.
+    """
+
+    def __init__(self, session: zenoh.Session, robot: str, key: Key, answer: _Answer) -> None:
+        self.name = robot_key(robot, key.leaf)
+        self._session = session
+        self._key = key
+        self._answer = answer
+        self._sequence = 0
+
+    def reply(self, query: zenoh.Query, emulator: Emulator) -> None:
+        """Answer a query, if need be with what fails."""
+
+        def refuse(error: Exception) -> None:
+            reason = _reason(error)
+            if isinstance(error, EmulatorError):
+                _log.info("a query on %s is refused: %s", self.name, reason)
+            else:
+                _log.error("a query on %s failed", self.name, exc_info=error)
+            with suppress(zenoh.ZError):  # who asked has gone
+                query.reply_err(reason, encoding=zenoh.Encoding.TEXT_PLAIN)
+
+        with _Guard(refuse):
+            if DESCRIBE in query.parameters and self._key.payload:
+                schema = json.dumps(schema_of(self._key.payload))
+                query.reply(self.name, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
+            elif not self._key.acts or str(query.key_expr) == self.name:
+                self._reply(query, emulator)
+            # else: somebody looks at what there is, and means no harm
+
+    def _reply(self, query: zenoh.Query, emulator: Emulator) -> None:
+        content = self._answer(emulator, self._request(query))
+        query.reply(
+            self.name,
+            content.payload,
+            encoding=content.encoding,
+            attachment=_stamp(self._sequence, emulator),
+            timestamp=self._session.new_timestamp(),
+        )
+        self._sequence += 1
+
+    def _request(self, query: zenoh.Query) -> bytes:
+        payload = query.payload
+        if payload is None or not len(payload):
+            if self._key.acts and self._key.request:
+                raise EmulatorError(
+                    f"{self.name} takes a payload that says what to do, if only {{}}: a"
+                    f" {self._key.request.__name__} in JSON, see docs/keys.md"
+                )
+            return b""
+        if len(payload) > _LONGEST_REQUEST:
+            raise EmulatorError(
+                f"the payload has {len(payload):,} bytes, and {_LONGEST_REQUEST:,} at most are read"
+            )
+        return payload.to_bytes()
+
+
+class _Stream:
+    """Publishes one kind of sample at a rate, made only while someone listens.
+
+    Attributes:
+        next: when the next sample is due, in seconds of `time.monotonic`.
+    """
+
+    def __init__(
+        self,
+        start: float,
+        session: zenoh.Session,
+        key: str,
+        rate: float,
+        answer: Callable[[Emulator, bytes], "_Content | None"],
+        request: bytes,
+    ) -> None:
+        self.next = start
+        self._session = session
+        self._publisher = session.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.DROP
+        )
+        self._period = 1.0 / rate
+        self._answer = answer
+        self._request = request
+        self._sequence = 0
+        self._key = key
+        self._failure = ""
+
+    def close(self) -> None:
+        """Publish no more."""
+        self._publisher.undeclare()
+
+    def publish_if_due(self, emulator: Emulator) -> None:
+        now = time.monotonic()
+        if now < self.next:
+            return
+        self.next = max(self.next + self._period, now)  # what is missed is not made up for
+        with _Guard(self._fail):
+            # the library's type stub says bool
+            status = cast(zenoh.MatchingStatus, self._publisher.matching_status)
+            if status.matching:
+                self._publish(emulator)
+
+    def _publish(self, emulator: Emulator) -> None:
+        content = self._answer(emulator, self._request)
+        if content is None:
+            return
+        self._publisher.put(
+            content.payload,
+            encoding=content.encoding,
+            attachment=_stamp(self._sequence, emulator),
+            timestamp=self._session.new_timestamp(),
+        )
+        self._sequence += 1
+        self._failure = ""
+
+    def _fail(self, error: Exception) -> None:
+        reason = _reason(error)
+        if reason != self._failure:  # not ten times a second
+            self._failure = reason
+            _log.error("a sample of %s failed", self._key, exc_info=error)
+
+
+def _reason(error: Exception) -> str:
+    """Tell in a sentence why something failed; the text of an error may be foreign."""
+    if isinstance(error, EmulatorError):
+        return printable(str(error), _LONGEST_REASON)
+    return printable(f"the emulator failed: {type(error).__name__}: {error}", _LONGEST_REASON)
+
+
+def _camera(emulator: Emulator, request: bytes) -> _Content:
+    query = _parse(CameraQuery, request)
+    image = emulator.panorama() if query.view == "panorama" else emulator.mirror_image()
+    done, data = cv2.imencode(f".{query.encoding}", image)
+    if not done:
+        raise EmulatorError(f"OpenCV cannot encode an image as {query.encoding}")
+    return _Content(data.tobytes(), _ENCODINGS[query.encoding])
+
+
+def _truth(emulator: Emulator, _: bytes) -> _Content:
+    return _json(emulator.truth())
+
+
+def _reset(emulator: Emulator, request: bytes) -> _Content:
+    return _json(emulator.reset(_parse(Reset, request)))
+
+
+def _outline(emulator: Emulator, _: bytes) -> _Content:
+    return _json(emulator.outline())
+
+
+def _fresh_entries(tap: WireTap) -> Callable[[Emulator, bytes], _Content | None]:
+    """What has passed on the line since the last call; None for nothing."""
+    told = 0
+
+    def fresh(_: Emulator, __: bytes) -> _Content | None:
+        nonlocal told
+        if tap.count == told:
+            return None
+        content = _json(tap.since(told))
+        told = tap.count
+        return content
+
+    return fresh
+
+
+_ANSWERS: Mapping[str, _Answer] = MappingProxyType(
+    {"camera": _camera, "truth": _truth, "reset": _reset, "arena": _outline}
+)
+
+
+def _parse(kind: type[_P], request: bytes) -> _P:
+    try:
+        return kind.model_validate_json(request or b"{}")
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "the payload"
+        raise EmulatorError(f"{place}: {first['msg']}") from None
+
+
+def _json(payload: Payload) -> _Content:
+    encoding = zenoh.Encoding.APPLICATION_JSON.with_schema(schema_name(EMULATOR, type(payload)))
+    return _Content(payload.model_dump_json().encode(), encoding)
+
+
+def _stamp(sequence: int, emulator: Emulator) -> str:
+    return Stamp(sequence=sequence, time=emulator.now).model_dump_json()
+
+
+@contextmanager
+def open_zenoh(
+    listen: Sequence[str], connect: Sequence[str], config: Path | None
+) -> Iterator[zenoh.Session]:
+    """Open the session of an emulator for as long as it is used.
+
+    Raises:
+        EmulatorError: an endpoint is malformed or in use, or the configuration cannot be used.
+    """
+    """Open the session of an emulator.
+
+    Raises:
+        EmulatorError: an endpoint is malformed or in use, or the configuration cannot be used.
+    """
+    with ExitStack() as stack:
+        try:
+            session = stack.enter_context(open_session(listen, connect, config))
+        except EndpointInUseError as error:
+            raise EmulatorError(f"{error}; give another --listen endpoint, or --no-zenoh") from None
+        except SessionError as error:
+            hint = "" if config else "; an endpoint looks like tcp/127.0.0.1:7447"
+            raise EmulatorError(f"{error}{hint}") from None
+        yield session

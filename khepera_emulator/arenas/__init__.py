@@ -1,0 +1,1 @@
+"""Arenas as files: the bundled ones, and how one is read and written."""

@@ -1,0 +1,1 @@
+"""How a robot moves: motors, drift, chassis, contact, rigid body."""

@@ -1,0 +1,1 @@
+"""The serial line: codes of bytes, timing, faults, wire log."""

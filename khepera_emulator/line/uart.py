@@ -1,0 +1,335 @@
+"""The serial line in time: when a byte has arrived, and when a byte of the answer leaves.
+
+All times are seconds on the robot's clock. A byte takes 11 bit times, in either direction; a
+request is carried out when its last byte has arrived, one after the other. Without a rate
+(`baud=None`) the line takes no time.
+
+Every time is a multiple of `GRID`, a power of two: sums and differences of such numbers are
+exact for 97 days, so that what happens after a moment does not depend on when that moment was.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from khepera_protocol.serial.framing import REQUEST_END, RequestSplitter
+from khepera_protocol.serial.units import wire_time
+
+from khepera_emulator.clock import GRID as GRID
+from khepera_emulator.clock import on_grid as on_grid
+from khepera_emulator.line import coding as line_coding
+from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.line.faults import Direction, Faults, Timed
+from khepera_emulator.line.timed_bytes import TimedBytes
+
+RECEIVE_LIMIT: Final = 256
+"""Bytes that the robot holds before its interpreter takes them; more are lost."""
+
+SEND_LIMIT: Final = 4096
+"""Bytes of replies that wait for the line; a whole reply that does not fit is lost."""
+
+_RESTART = b"restart"
+"""The ROM's tool that starts the robot again: what its reset button does."""
+
+
+INTERPRETER_TIME: Final = on_grid(0.0015)
+"""Seconds between the end of a request and the first bit of its reply (a choice)."""
+
+
+class Uart:
+    """Both directions of the robot's serial line.
+
+    Args:
+        baud: rate in bits a second, or None for a line that takes no time.
+        faults: what goes wrong on the line.
+
+    Attributes:
+        lost: bytes of the client that were dropped because the robot's buffer was full.
+        unsent: bytes of replies that were dropped because the line had no room for them.
+        faults: what goes wrong on the line.
+    """
+
+    def __init__(self, baud: int | None, faults: Faults | None = None) -> None:
+        self.lost = self.unsent = 0
+        self.faults = faults or Faults()
+        self._faulty = bool(self.faults)
+        self._client: LineFormat | None = None
+        self._receiver_free = self._interpreter_free = self._sender_free = 0.0
+        self._orphans = 0
+        self._unheard = False
+        self._splitter = RequestSplitter()
+        self._receiving = TimedBytes()
+        self._held = bytearray()
+        self._sending = TimedBytes()
+        self.baud = baud
+
+    @property
+    def baud(self) -> int | None:
+        """Rate in bits a second, or None for a line that takes no time.
+
+        Setting it is setting the robot's jumpers: it holds until `use_rate` wants another one, and
+        again from the next power-on.
+        """
+        return self._baud
+
+    @baud.setter
+    def baud(self, rate: int | None) -> None:
+        self._jumpers = rate
+        self._set_rate(rate)
+
+    def use_rate(self, rate: int | None) -> None:
+        """Take the rate that a request wants, or that of the jumpers again, with None.
+
+        A line that takes no time goes on taking none.
+        """
+        self._set_rate(rate if rate and self._jumpers else self._jumpers)
+
+    def _set_rate(self, rate: int | None) -> None:
+        self._baud = rate
+        self._format = LineFormat(rate, stop=2) if rate else None
+        self._each: float = on_grid(wire_time(1, rate)) if rate else 0.0
+        self._busy = INTERPRETER_TIME if rate else 0.0
+        self._compare()
+
+    @property
+    def client(self) -> LineFormat | None:
+        """Settings of the client's end; None if they are the robot's.
+
+        With others both ends read garbage.
+        """
+        return self._client
+
+    @client.setter
+    def client(self, settings: LineFormat | None) -> None:
+        self._client = settings
+        self._compare()
+
+    def _compare(self) -> None:
+        ends = self._format, self._client
+        self._garbled = bool(ends[0] and ends[1] and not ends[1].matches(ends[0]))
+        self._plain = not self._faulty and not self._garbled
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Bytes that the client puts on the line now; they arrive one after the other."""
+        start = max(self._receiver_free, now)
+        if self._plain:
+            self._receiver_free = self._receiving.add(data, start, self._each)
+            return
+        items, self._receiver_free = self._pass(Direction.REQUEST, data, start)
+        self._receiving.add_each(items)
+
+    def requests(self, until: float) -> Iterable[tuple[float, bytes]]:
+        """Requests that the robot carries out by a time, with the times of their execution.
+
+        A fault that resets the robot comes as the request to start again.
+        """
+        if self._faulty:
+            return self._disturbed(until)
+        if not self._held:
+            if not self._receiving.data:
+                return ()  # a silent line, as it is most of the time
+            alone = self._receiving.take_request(self._interpreter_free, until)
+            if alone:
+                line = self._interpret(*alone)
+                return ((alone[0], line),) if line is not None else ()
+        return self._carried_out(until)
+
+    def _disturbed(self, until: float) -> Iterator[tuple[float, bytes]]:
+        while (moment := self.faults.next_moment()) is not None and moment <= until:
+            yield from self._carried_out(moment)
+            yield from self._happen()
+        yield from self._carried_out(until)
+
+    def _carried_out(self, until: float) -> Iterator[tuple[float, bytes]]:
+        receiving, held = self._receiving, self._held
+        while receiving.data or held:
+            free = self._interpreter_free
+            if receiving.data:
+                # what arrives while the interpreter is busy waits in the receive buffer
+                self._hold(receiving.arrived(min(until, free - GRID)))
+            if held and free <= until:
+                start, end = free, REQUEST_END.search(held)
+                count = end.end() if end else len(held)
+                data = bytes(held[:count])
+                del held[:count]
+            elif count := 0 if held else receiving.arrived(until):
+                # an idle interpreter takes a byte at once
+                count = receiving.line(count)
+                start, data = receiving.due(count), receiving.take(count)
+            else:
+                return
+            line = self._interpret(start, data)
+            if line is not None:
+                yield start, line
+
+    def _hold(self, count: int) -> None:
+        """So many more bytes arrive in the receive buffer."""
+        if count:
+            data = self._receiving.take(count)
+            fitting = data[: RECEIVE_LIMIT - len(self._held)]
+            self._held += fitting
+            self.lost += count - len(fitting)
+            self._count_orphans(count - len(fitting))
+
+    def _interpret(self, start: float, data: bytes) -> bytes | None:
+        """The interpreter takes bytes in; returns the request that the last one completes."""
+        orphan = self._count_orphans(len(data))
+        line = self._splitter.take(data)
+        if line is None:
+            return None
+        self._interpreter_free = start + self._busy
+        self._unheard = orphan
+        if self._faulty and self.faults.on_request(start):
+            self._reset(start)
+            return _RESTART
+        return line
+
+    def _count_orphans(self, count: int) -> bool:
+        """Count bytes off; returns whether the last one is of a client that has left."""
+        orphans = self._orphans
+        self._orphans = max(0, orphans - count)
+        return orphans >= count
+
+    def send(self, data: bytes, executed: float) -> None:
+        """A reply to the latest request, executed at a time: queue it behind earlier ones."""
+        if self._unheard:
+            return
+        if self._faulty:
+            data = self.faults.on_reply(executed, data)
+        self._say(data, executed + self._busy)
+
+    def sent(self, now: float, limit: int | None = None) -> bytes:
+        """Take the bytes, at most `limit`, that have reached the client by now."""
+        count = self._sending.arrived(now)
+        return self._sending.take(count if limit is None else min(count, max(limit, 0)))
+
+    def arrived(self, now: float) -> int:
+        """How many bytes have reached the client by now and were not taken yet."""
+        return self._sending.arrived(now)
+
+    def waiting(self, count: int) -> bytes:
+        """The first `count` of the queued bytes, which stay where they are."""
+        return bytes(self._sending.data[:count])
+
+    def take(self, count: int) -> None:
+        """Remove the first `count` of the queued bytes: the client has them."""
+        self._sending.take(count)
+
+    def queued(self) -> int:
+        """How many bytes of replies have reached the client or are on their way to it."""
+        return len(self._sending.data)
+
+    def find(self, text: bytes) -> int:
+        """Where a text begins among the queued bytes; -1 if it is not there."""
+        return self._sending.data.find(text)
+
+    def due(self, count: int) -> float:
+        """When the first `count` queued bytes have reached the client."""
+        return self._sending.due(count)
+
+    def next_request(self) -> float | None:
+        """When the robot may next carry out a request or a fault happens; None: nothing is due."""
+        request = None
+        if self._held:
+            request = self._interpreter_free
+        elif self._receiving.data:
+            request = self._receiving.line_due()
+        moment = self.faults.next_moment() if self._faulty else None
+        if request is None or moment is None:
+            return moment if request is None else request
+        return min(request, moment)
+
+    def received_by(self) -> float:
+        """When the last byte that the client has written arrives at the robot."""
+        return self._receiver_free
+
+    def arriving(self) -> int:
+        """How many bytes of the client are still on their way to the robot."""
+        return len(self._receiving.data)
+
+    def room(self, now: float, most: int) -> int:
+        """How many bytes may follow those that are arriving, if these shall be so many at most."""
+        # garbled or lost bytes take their time on the line, too
+        if self._receiver_free - now > most * self._each:
+            return 0
+        return max(0, most - len(self._receiving.data))
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is on its way in either direction; half a request may be held."""
+        return not (self._receiving.data or self._held or self._sending.data)
+
+    def hang_up(self) -> None:
+        """The client leaves: its requests are carried out, but nobody hears the replies."""
+        self.clear_replies()
+        self._orphans = len(self._held) + len(self._receiving.data)
+
+    def clear_replies(self) -> None:
+        """Drop what has not reached the client."""
+        self._sending.clear()
+
+    def clear(self) -> None:
+        """Drop everything on the line, which is as after power-on, and count losses anew."""
+        self.use_rate(None)
+        self._unheard = False
+        self._receiving.clear()
+        self._held.clear()
+        self._splitter.clear()
+        self.clear_replies()
+        self.lost = self.unsent = 0
+        self._receiver_free = self._interpreter_free = self._sender_free = 0.0
+        self._orphans = 0
+
+    def _say(self, data: bytes, start: float) -> None:
+        """Queue bytes for the client, to begin at a time if the line is free."""
+        if len(self._sending.data) + len(data) > SEND_LIMIT:
+            self.unsent += len(data)
+            return
+        start = max(self._sender_free, start)
+        if self._plain:
+            self._sender_free = self._sending.add(data, start, self._each)
+            return
+        items, self._sender_free = self._pass(Direction.REPLY, data, start)
+        self._sending.add_each(items)
+
+    def _pass(self, direction: Direction, data: bytes, start: float) -> tuple[list[Timed], float]:
+        """What arrives of bytes and when, and when the line is free again."""
+        each = self._each
+        if self._garbled:
+            items, free = self._garble(direction, data, start)
+        else:
+            items = [(start + each * count, byte) for count, byte in enumerate(data, 1)]
+            free = start + each * len(data)
+        if not self._faulty:
+            return items, free
+        items, late = self.faults.on_bytes(direction, items, each)
+        return items, free + late
+
+    def _garble(self, direction: Direction, data: bytes, start: float) -> tuple[list[Timed], float]:
+        """Bytes as an end with other settings reads them."""
+        assert self._format is not None
+        assert self.client is not None
+        ends = (self.client, self._format)
+        sender, receiver = ends if direction is Direction.REQUEST else reversed(ends)
+        each = on_grid(receiver.frame / receiver.baud)
+        heard = line_coding.receive(data, sender, receiver)
+        items = [(start + on_grid(character.start) + each, character.byte) for character in heard]
+        return items, start + on_grid(len(data) * sender.frame / sender.baud)
+
+    def _happen(self) -> Iterator[tuple[float, bytes]]:
+        """The next fault that has a time of its own."""
+        when, kind, text = self.faults.take_moment()
+        if kind == "stray":
+            self._say(text, when)
+        elif kind == "reset":
+            self._reset(when)
+            self._unheard = False
+            yield when, _RESTART
+
+    def _reset(self, when: float) -> None:
+        """The robot starts again: what it holds and what it has not said yet is lost."""
+        self._count_orphans(len(self._held))
+        self._held.clear()
+        self._splitter.clear()
+        self._sending.keep(self.arrived(when))
+        self._interpreter_free = when + self._busy
+        self._sender_free = min(self._sender_free, when)

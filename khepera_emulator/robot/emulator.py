@@ -1,0 +1,301 @@
+"""A whole robot on a serial line, as a function of time: the core behind every port.
+
+A port puts bytes in, lets time pass and takes bytes out. Nothing here reads a clock: `advance`
+brings physics, interpreter and line to a given time, in the caller's thread, so that the same
+bytes at the same times give the same bytes back. Robots of one world (`make_fleet`) have one time:
+it passes for all of them when it passes for one.
+"""
+
+import logging
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from khepera_protocol.mirror import Mirror
+from khepera_protocol.serial.errors import RequestError
+from khepera_protocol.text import printable
+from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, Truth
+
+from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.body.drift import PRESETS, DriftSettings, draw_drift
+from khepera_emulator.choices import Choices
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line.faults import Fault, Faults, Happening
+from khepera_emulator.line.uart import Uart, on_grid
+from khepera_emulator.models import KHEPERA, Model
+from khepera_emulator.robot.firmware import Firmware
+from khepera_emulator.robot.fleet import Fleet
+from khepera_emulator.robot.robot import Robot
+from khepera_emulator.senses.camera import OmniCamera
+from khepera_emulator.senses.renderers.view import Image
+from khepera_emulator.turrets import Equipment
+from khepera_emulator.world.free_space import Gap, anywhere, check_room, pose_of, random_pose
+from khepera_emulator.world.outline import outline
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What an emulated robot is made from.
+
+    Attributes:
+        arena: where it drives.
+        model: which Khepera.
+        drift: how far its wheels deceive it.
+        seed: of this robot (its drift), and of all that happens by chance.
+        baud: rate of its line, or None for a line that takes no time.
+        faults: what goes wrong on its line.
+        mirror: geometry of its camera.
+        turrets: names of what is mounted on it, from `khepera_protocol.serial.turrets.TURRETS`.
+        choices: of its firmware, where sources leave them open.
+        dead_man: seconds without a request after which the robot stops by itself; None: never, as
+            a real one.
+    """
+
+    arena: Arena
+    model: Model = KHEPERA
+    drift: DriftSettings = PRESETS["default"]
+    seed: int = 0
+    baud: int | None = 9600
+    faults: tuple[Fault, ...] = ()
+    mirror: Mirror = field(default_factory=Mirror)
+    turrets: tuple[str, ...] = ()
+    choices: Choices = Choices()  # noqa: RUF009 - an immutable value
+    dead_man: float | None = None
+
+
+_MOST_REFUSALS = 20
+"""Refused requests of a client that are logged one by one: garbage has many of them."""
+
+
+def _log_fault(happening: Happening) -> None:
+    _log.info("fault at %s", happening)
+
+
+class _Streams(NamedTuple):
+    """Independent random numbers for a robot's making, drives, camera, places and line."""
+
+    making: np.random.Generator
+    driving: np.random.Generator
+    camera: np.random.Generator
+    places: np.random.Generator
+    line: np.random.Generator
+
+
+def _streams(seed: int, number: int) -> _Streams:
+    entropy = seed if number == 0 else (seed, number)
+    return _Streams(*np.random.default_rng(entropy).spawn(5))
+
+
+class Emulator:
+    """One emulated robot with its world, its line and its camera.
+
+    Args:
+        setup: what it is made from.
+        fleet: the robots whose world it shares; none: it has one of its own.
+
+    Attributes:
+        now: time that everything has been brought to, in seconds; a multiple of `uart.GRID`.
+        uart: the serial line.
+        start_pose: where it was put down at first.
+
+    Raises:
+        EmulatorError: its start is not free, or there is no room for it.
+    """
+
+    def __init__(self, setup: Setup, fleet: Fleet | None = None) -> None:
+        self.setup = setup
+        self.uart = Uart(setup.baud, Faults(setup.faults, tell=_log_fault))
+        self.now = 0.0
+        self._fleet = fleet or Fleet(setup.arena, setup.model.radius)
+        self._number = len(self._fleet.members)
+        self._equipment = Equipment(
+            setup.turrets, setup.choices, self._fleet.radio, self._number + 1
+        )
+        self._next_rate: int | None = None
+        self._refusals = 0
+        streams = _streams(setup.seed, self._number)
+        # a robot keeps its wheels for life: a reset begins chance anew, not the robot
+        self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
+        try:
+            self.start_pose = self._find_start(streams.making)
+        except EmulatorError:
+            self.close()
+            raise
+        self._build(self.start_pose, streams)
+        self._fleet.join(self)
+
+    def close(self) -> None:
+        """Give back the physics client, which is that of the whole fleet."""
+        self._fleet.close()
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, as its firmware finds it; another one after a seeded reset."""
+        return self._robot
+
+    def write(self, data: bytes) -> None:
+        """The client puts bytes on the line, now."""
+        self.uart.receive(data, self.now)
+
+    def read(self, limit: int | None = None) -> bytes:
+        """The client takes the bytes that have reached it by now."""
+        return self.uart.sent(self.now, limit)
+
+    def hang_up(self) -> None:
+        """The client leaves the line; the robot does not notice and goes on."""
+        self.uart.hang_up()
+        if self._refusals > _MOST_REFUSALS:
+            _log.info("robot %d has refused %d requests", self._number + 1, self._refusals)
+        self._refusals = 0
+
+    @property
+    def moving(self) -> bool:
+        """Whether the wheels of a robot of this world turn or are driven, or a thing moves."""
+        return self._fleet.moving
+
+    def advance(self, until: float) -> None:
+        """Let time pass: drive, carry out the requests that arrive, answer them."""
+        self._fleet.advance(max(on_grid(until), self.now))
+
+    def reach(self, moment: float) -> None:
+        """Let time pass to a moment of the line, which is on the grid; see `advance`."""
+        self._fleet.advance(moment if moment > self.now else self.now)
+
+    def execute(self, line: bytes, moment: float) -> None:
+        """Carry out a request that has arrived at a moment; the reply goes on the line."""
+        panel = self._robot.panel
+        reply = self._firmware.execute(line)
+        if self._robot.panel is not panel:
+            # it has started again, and its banner comes at the rate of its jumpers
+            self.uart.use_rate(None)
+        self.uart.send(reply, moment)
+        self._robot.heard()
+        if self._next_rate is not None:
+            self.uart.use_rate(self._next_rate)
+            self._next_rate = None
+
+    def _change_rate(self, rate: int) -> None:
+        self._next_rate = rate  # the reply to the change still goes out at the rate before
+
+    def _log_refusal(self, line: bytes, error: RequestError) -> None:
+        self._refusals += 1
+        if self._refusals <= _MOST_REFUSALS:
+            request, why = printable(line, 60), printable(str(error), 120)
+            _log.info("robot %d refuses '%s': %s", self._number + 1, request, why)
+        elif self._refusals == _MOST_REFUSALS + 1:
+            _log.info("robot %d refuses more than that", self._number + 1)
+
+    def truth(self) -> Truth:
+        """Ground truth, now."""
+        return self._robot.truth().model_copy(update={"time": self.now})
+
+    def outline(self) -> Outline:
+        """The arena from above, as it is now, to draw what happens in it."""
+        things = self._fleet.world.things
+        return outline(self.setup.arena, self.setup.model, [thing.footprint for thing in things])
+
+    def mirror_image(self) -> Image:
+        """What the camera sees now, in its mirror."""
+        return self._eye().mirror_image(self._robot.chassis.pose)
+
+    def panorama(self) -> Image:
+        """What the camera sees now, unwrapped."""
+        return self._eye().panorama(self._robot.chassis.pose)
+
+    def reset(self, reset: Reset) -> Truth:
+        """Put the robot somewhere, powered on afresh, the line silent.
+
+        With a seed the whole world is made anew, its things and all other robots back where they
+        started, and the control periods are counted from now: what follows depends on the
+        robots, the reset and the seed alone. Without, everything else stays as it is.
+
+        Raises:
+            EmulatorError: the pose is not free, or no free one was found; nothing has changed.
+        """
+        if reset.seed is None:
+            pose = self._choose(reset, self._fleet.gap(self._robot.chassis), self._streams)
+            self.uart.clear()
+            self._robot.put_down(pose)
+        else:
+            self._reset_world(reset, reset.seed)
+        return self.truth()
+
+    def put_anew(self, seed: int) -> None:
+        """Be put at the start of a world that was made anew, all chance anew from a seed."""
+        self._restart(self.start_pose, _streams(seed, self._number))
+
+    def _restart(self, pose: Pose, streams: _Streams) -> None:
+        self.uart.clear()
+        self._build(pose, streams)
+
+    def _reset_world(self, reset: Reset, seed: int) -> None:
+        fleet, streams = self._fleet, _streams(seed, self._number)
+        pose = self._choose(reset, fleet.gap_at_start(self), streams)
+        fleet.renew()
+        for member in fleet.members:
+            if member is self:
+                self._restart(pose, streams)
+            else:
+                member.put_anew(seed)
+        fleet.assemble()
+
+    def _choose(self, reset: Reset, gap: Gap, streams: _Streams) -> Pose:
+        inside = self._fleet.enclosure.holds
+        if reset.random:
+            return random_pose(self.setup.arena.free, gap, streams.places, inside)
+        pose = reset.pose or self.start_pose
+        check_room(pose, gap, inside)
+        return pose
+
+    def _find_start(self, rng: np.random.Generator) -> Pose:
+        arena, gap = self.setup.arena, self._fleet.gap()
+        starts = [arena.start, *arena.starts]
+        if self._number >= len(starts):
+            return random_pose(arena.free, gap, rng, self._fleet.enclosure.holds)
+        pose = pose_of(starts[self._number])
+        # the first start says what the inside is
+        check_room(pose, gap, self._fleet.enclosure.holds if self._number else anywhere)
+        return pose
+
+    def _build(self, pose: Pose, streams: _Streams) -> None:
+        setup, world = self.setup, self._fleet.world
+        self._streams = streams
+        self.uart.faults.begin(int(streams.line.integers(2**63)), self.now)
+        self._robot = Robot(
+            world,
+            setup.model,
+            pose,
+            self._drift,
+            streams.driving,
+            self._equipment,
+            setup.dead_man,
+        )
+        self._firmware = Firmware(self._robot, self._change_rate, self._log_refusal)
+        self._camera: OmniCamera | None = None
+
+    def _eye(self) -> OmniCamera:
+        # made when first asked for: many programs use the serial line alone
+        if self._camera is None:
+            self._camera = OmniCamera(
+                self._fleet.world,
+                self._streams.camera,
+                self.setup.mirror,
+                carrier=self._robot.chassis,
+            )
+        return self._camera
+
+
+def make_fleet(setup: Setup, size: int) -> list[Emulator]:
+    """Robots that share one world; the first is as one alone with the same seed would be.
+
+    Args:
+        setup: what each is made from; each has a drift and chance of its own.
+        size: how many.
+
+    Raises:
+        EmulatorError: there is no room for so many.
+    """
+    fleet = Fleet(setup.arena, setup.model.radius, size)
+    return [Emulator(setup, fleet) for _ in range(size)]

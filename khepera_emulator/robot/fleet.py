@@ -1,0 +1,146 @@
+"""The emulated robots of one world: their common time, and one physics client."""
+
+from collections.abc import Iterator
+from functools import cached_property
+from heapq import merge
+from typing import Protocol
+
+from khepera_protocol.serial.units import CONTROL_PERIOD
+from khepera_protocol.zenoh.payloads import Pose
+
+from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.line.uart import Uart
+from khepera_emulator.robot.crew import Crew
+from khepera_emulator.robot.robot import Robot
+from khepera_emulator.turrets import RadioMedium
+from khepera_emulator.world.enclosure import Enclosure
+from khepera_emulator.world.floor_plan import Surroundings
+from khepera_emulator.world.free_space import Gap
+from khepera_emulator.world.solids import Disc, Footprint, footprint
+from khepera_emulator.world.world import World
+
+
+class Member(Protocol):
+    """What a fleet needs of each of its robots; see `emulator.Emulator`."""
+
+    now: float
+    uart: Uart
+    start_pose: Pose
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, as its firmware finds it."""
+
+    def execute(self, line: bytes, moment: float) -> None:
+        """Carry out a request."""
+
+    def put_anew(self, seed: int) -> None:
+        """Be put at the start of a world that was made anew, all chance anew from a seed."""
+
+
+class Fleet:
+    """Robots that share a world; time passes for all of them together.
+
+    Args:
+        arena: where they are.
+        radius: of their bodies, in metres.
+        size: how many they will be.
+
+    Attributes:
+        now: time that everything has been brought to, in seconds; a multiple of `uart.GRID`.
+        world: where they are; another one after `renew`.
+        radio: the air between their radio turrets.
+        members: the robots, in the order in which they do what happens at the same time.
+    """
+
+    def __init__(self, arena: Arena, radius: float, size: int = 1) -> None:
+        self.now = 0.0
+        self.members: list[Member] = []
+        self.radio = RadioMedium()
+        self._arena = arena
+        self._radius = radius
+        self._shared = size > 1
+        self.world = World(arena, shared=self._shared)
+        self._crew = Crew(self.world, ())
+        self._power_time = 0.0
+        self._ticks = 0
+
+    def close(self) -> None:
+        """Give back the physics client."""
+        self.world.close()
+
+    @property
+    def moving(self) -> bool:
+        """Whether anything moves, or is driven."""
+        return self._crew.moving
+
+    def join(self, member: Member) -> None:
+        """Add a robot, which is in the world already."""
+        self.members.append(member)
+        self.assemble()
+
+    def renew(self) -> None:
+        """Make the world anew, with nothing in it but the arena; then put the robots in it.
+
+        Control periods are counted from now.
+        """
+        before, self.world = self.world, World(self._arena, shared=self._shared)
+        before.close()
+        self._power_time = self.now
+        self._ticks = 0
+
+    def assemble(self) -> None:
+        """Take the robots that the members have put into the world."""
+        self._crew = Crew(self.world, [member.robot for member in self.members])
+
+    def advance(self, until: float) -> None:
+        """Let time pass: drive, carry out the requests that arrive, answer them.
+
+        Args:
+            until: seconds on the grid of `uart.GRID`, not before `now`.
+        """
+        members = self.members
+        if len(members) == 1:
+            (member,) = members
+            for moment, line in member.uart.requests(until):
+                self._drive(moment)
+                member.execute(line, moment)
+            member.now = until
+        else:
+            lines = [_numbered(k, each, until) for k, each in enumerate(members)]
+            for moment, number, line in merge(*lines):
+                self._drive(moment)
+                members[number].execute(line, moment)
+            for member in members:
+                member.now = until
+        self._drive(until)
+        self.now = until
+
+    def gap(self, own: Footprint | None = None) -> Gap:
+        """Distances from a robot's body to the nearest thing, as everything stands now."""
+        scene = self.world.scene(own)
+        return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+
+    def gap_at_start(self, own: Member) -> Gap:
+        """The same with all things, and all robots but one, where they start."""
+        starts = [each.start_pose for each in self.members if each is not own]
+        movers: list[Footprint] = [footprint(part) for part in self._arena.object]
+        movers += [Disc(pose.x, pose.y, self._radius, 0.0) for pose in starts]
+        scene = Surroundings(self.world.plan, movers)
+        return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+
+    @cached_property
+    def enclosure(self) -> Enclosure:
+        """The inside of the arena."""
+        return Enclosure(self.world.plan, self._arena.start, self._radius)
+
+    def _drive(self, until: float) -> None:
+        due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
+        if due > self._ticks:
+            self._ticks = due
+            self._crew.run(due)
+
+
+def _numbered(number: int, member: Member, until: float) -> Iterator[tuple[float, int, bytes]]:
+    for moment, line in member.uart.requests(until):
+        yield moment, number, line

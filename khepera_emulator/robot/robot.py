@@ -1,0 +1,231 @@
+"""The robot as its firmware finds it: wheels, sensors, lamps and bus, at one moment of time."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from khepera_protocol.serial.units import CONTROL_PERIOD, PULSE
+from khepera_protocol.zenoh.payloads import Pose, Truth, WheelDrift
+
+from khepera_emulator.body.chassis import Chassis
+from khepera_emulator.body.drift import slip_sequence
+from khepera_emulator.body.motors import Gains, Profile, Wheel
+from khepera_emulator.models import Model
+from khepera_emulator.senses.infrared import SCAN_PERIOD, Infrared
+from khepera_emulator.turrets import Equipment, Site, mount
+from khepera_emulator.turrets.grasp import WorldThings
+from khepera_emulator.world.world import World
+
+_SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
+_BATTERY_COUNTS = 600
+"""Channel 0: half of 4.8 V, as 2.4 V. Nothing documents channels 0 to 2 (a choice)."""
+
+_HELD = 1e-6
+"""Counts a period by which a wheel that nothing holds may miss what its motor wants."""
+
+_SPOT_SLIP = 2.0
+"""How much more a robot slips that turns on the spot (a choice)."""
+
+
+@dataclass(slots=True)
+class Panel:
+    """What a client can set and see beside the motors: made anew with every power-on.
+
+    Attributes:
+        leds: whether they are on, the lateral one first.
+        outputs: bytes written to the bus, by address.
+        inputs: bytes on the bus, by address.
+        analogue: counts at the A/D inputs.
+        loading: whether requests go to the loader of S-records.
+    """
+
+    leds: list[bool] = field(default_factory=lambda: [False, False])
+    outputs: dict[int, int] = field(default_factory=dict)
+    inputs: dict[int, int] = field(default_factory=dict)
+    analogue: list[int] = field(default_factory=lambda: [_BATTERY_COUNTS, 0, 0, 0, 0, 0])
+    loading: bool = False
+
+
+class Robot:
+    """One Khepera in a world; its time advances in control periods of 10 ms.
+
+    Args:
+        world: where it is.
+        model: which of the two robots.
+        pose: where it is put down.
+        drift: what its encoders do not see.
+        rng: source of all its randomness: slip, sensor noise and turrets have a stream each.
+        equipment: what it carries, and the choices of its firmware.
+        dead_man: seconds without a request after which it stops by itself; None: never.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        model: Model,
+        pose: Pose,
+        drift: WheelDrift,
+        rng: np.random.Generator,
+        equipment: Equipment | None = None,
+        dead_man: float | None = None,
+    ) -> None:
+        self.model = model
+        self._dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
+        self._heard = 0
+        self.equipment = equipment or Equipment()
+        slip, sensors, turrets = rng.spawn(3)
+        self.drift = drift
+        self._slip = slip_sequence(slip)
+        self._slip_sd, self._spot_slip_sd = drift.slip, drift.slip * _SPOT_SLIP
+        self.chassis = Chassis(world, model, self.drift, pose)
+        self.infrared = Infrared(model, self.chassis.scene, world.arena.lamp, sensors)
+        self.touched = False
+        self.ticks = 0
+        self._scans: dict[str, tuple[int, ...]] = {}
+        self._start_scan()
+        self._free = self._counts = (0.0, 0.0)
+        self.turrets = mount(self.equipment, self._site(world), turrets)
+        self._carries = bool(self.turrets)
+        self.power_on()
+
+    def power_on(self) -> None:
+        """Everything that power-on, the reset button or `restart` sets; the body stays put.
+
+        Turrets have processors of their own, which `restart` does not reach (a choice).
+        """
+        self.wheels = self._wheel(), self._wheel()
+        self.panel = Panel()
+
+    def heard(self) -> None:
+        """A request has come: whoever sends them is alive."""
+        self._heard = self.ticks
+
+    def put_down(self, pose: Pose) -> None:
+        """Move the robot somewhere else and power it on afresh."""
+        self.chassis.place(pose)
+        self.touched = False
+        self._heard = self.ticks
+        self._free = self._counts = (0.0, 0.0)
+        self._start_scan()
+        self.power_on()
+        self.turrets.power_on()
+
+    @property
+    def time(self) -> float:
+        """Seconds of simulated time since the robot was made."""
+        return self.ticks * CONTROL_PERIOD
+
+    @property
+    def moving(self) -> bool:
+        """Whether a wheel turns or is driven."""
+        left, right = self.wheels
+        return not (left.at_rest() and right.at_rest())
+
+    def run(self, ticks: int) -> None:
+        """Let control periods pass up to the given number since the robot was made.
+
+        For a robot in a world where nothing else moves; see `crew` for others.
+        """
+        roll = self.chassis.roll
+        left, right = self.wheels
+        while self.ticks < ticks:
+            if left.at_rest() and right.at_rest():
+                self.rest(ticks)
+                return
+            self.arrive(roll(*self._intend()))
+
+    def rest(self, ticks: int) -> None:
+        """Let control periods pass in which nothing moves; see `run`."""
+        # nothing moves, whatever the time: only the latest of the scans counts
+        self.chassis.ground_speed = (0.0, 0.0)
+        if ticks // _SCAN_TICKS > self.ticks // _SCAN_TICKS:
+            self._start_scan()
+        self.ticks = ticks
+        if self._carries:
+            self.turrets.step(self.time)
+
+    def aim(self) -> None:
+        """First part of a control period: what the motors want."""
+        self.chassis.aim(*self._intend())
+
+    def arrive(self, ways: tuple[float, float]) -> None:
+        """Last part of a control period: the wheels have turned so many metres."""
+        self.ticks += 1
+        if self.chassis.contact:
+            self.touched = True
+        # the speed at the period's end: the motor's own, or what something that holds leaves of it
+        (left, right), (wanted_left, wanted_right) = self.wheels, self._counts
+        turned = ways[0] / PULSE
+        left.roll(turned, self._free[0] if abs(turned - wanted_left) <= _HELD else turned)
+        turned = ways[1] / PULSE
+        right.roll(turned, self._free[1] if abs(turned - wanted_right) <= _HELD else turned)
+        if self.ticks % _SCAN_TICKS == 0:
+            self._start_scan()
+        if self._carries:
+            self.turrets.step(self.time)
+
+    def tick(self) -> None:
+        """Let one control period pass."""
+        self.run(self.ticks + 1)
+
+    def proximity(self) -> tuple[int, ...]:
+        """The latest proximity scan: eight counts."""
+        # computed when first asked for: most scans are never read
+        if "proximity" not in self._scans:
+            self._scans["proximity"] = self.infrared.proximity(*self._scan_pose)
+        return self._scans["proximity"]
+
+    def ambient(self) -> tuple[int, ...]:
+        """The latest ambient light scan: eight counts."""
+        if "ambient" not in self._scans:
+            self._scans["ambient"] = self.infrared.ambient(*self._scan_pose)
+        return self._scans["ambient"]
+
+    def truth(self) -> Truth:
+        """Ground truth, for scoring."""
+        return Truth(
+            time=self.time,
+            pose=self.chassis.pose,
+            speed=self.chassis.ground_speed,
+            contact=self.chassis.contact,
+            touched=self.touched,
+            drift=self.drift,
+        )
+
+    def _start_scan(self) -> None:
+        chassis = self.chassis
+        self._scan_pose = chassis.x, chassis.y, chassis.heading
+        self._scans.clear()
+
+    def _site(self, world: World) -> Site:
+        chassis, scene = self.chassis, self.chassis.scene
+        return Site(
+            radius=self.model.radius,
+            place=lambda: (chassis.x, chassis.y, chassis.heading),
+            rays=scene,
+            sky=sum(world.arena.sky) / 3,
+            things=WorldThings(world, scene),
+        )
+
+    def _intend(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Ways in metres that the motors give the wheels in this period, and their slips."""
+        left, right = self.wheels
+        if self._dead_man is not None and self.ticks - self._heard >= self._dead_man:
+            left.drive_speed(0)
+            right.drive_speed(0)
+        self._free = free_left, free_right = left.control(), right.control()
+        # mean of the speeds at both ends of the period, in counts and metres a period
+        mean_left, mean_right = (left.speed + free_left) / 2, (right.speed + free_right) / 2
+        self._counts = mean_left, mean_right
+        sd = self._spot_slip_sd if mean_left * mean_right < 0.0 else self._slip_sd
+        slip_left, slip_right = next(self._slip)
+        return (mean_left * PULSE, mean_right * PULSE), (sd * slip_left, sd * slip_right)
+
+    def _wheel(self) -> Wheel:
+        model = self.model
+        return Wheel(
+            model.motor,
+            Gains(*model.speed_gains),
+            Gains(*model.position_gains),
+            Profile(*model.profile),
+            self.equipment.choices.reached_within,
+        )

@@ -1,0 +1,1 @@
+"""Routes through an arena: what is possible, and arenas made so that a way is."""

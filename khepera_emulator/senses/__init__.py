@@ -1,0 +1,1 @@
+"""What a robot perceives: infrared, and the camera over the mirror."""

@@ -1,0 +1,1 @@
+"""Drives that experiments share: training drives, systems, courses."""

@@ -1,0 +1,138 @@
+"""Systems, a brain and a planner each, learned from a recording and driven live on a course."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import radians
+from typing import Any, NamedTuple
+
+import numpy as np
+from khepera_protocol.zenoh.payloads import Outline, Pose, Reset
+
+from macor_hil.commands import FIRST_COMMAND
+from macor_hil.errors import BenchError
+from macor_hil.experiments.drives.training_drive import PUT_DOWN, Recording
+from macor_hil.hardware.bench import Bench
+from macor_hil.hardware.devices import Hardware, open_hardware
+from macor_hil.hardware.driver import Driver
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.experience import Experience, Moment
+from macor_hil.mind.planners.planner import Planner
+from macor_hil.runs.agent import Agent
+from macor_hil.runs.trials import MAX_COMMANDS, Spread, Trial, run_trial
+
+
+class System(NamedTuple):
+    """What has been learned, and how commands are chosen by it."""
+
+    brain: Brain
+    planner: Planner
+
+
+def relearn(
+    brain: Brain, recording: Recording, *, situations: bool = True, frames: int | None = None
+) -> None:
+    """Learn a recorded drive, command by command, as a live training does.
+
+    Args:
+        brain: learns; its eyes are those of the recording.
+        recording: frames, commands and collisions.
+        situations: whether the clusterer learns, too.
+        frames: how many of the first frames count; None: all.
+    """
+    before: Moment | None = None
+    commands, collisions = recording.commands.tolist(), recording.collided.tolist()
+    for raw, driven, collided in zip(recording.raw[:frames], commands, collisions, strict=False):
+        put_down = driven == PUT_DOWN
+        command = FIRST_COMMAND if put_down else driven
+        after = brain.perceive(raw, command, learn=situations)
+        if before is not None and not put_down:
+            r = brain.earned(command, collided=collided)
+            brain.learn(Experience(before, command, after, r, collided))
+        before = after
+
+
+@dataclass(frozen=True)
+class Course:
+    """Trials: where they start and when they end (section 3.2)."""
+
+    arena: str = "corridor"
+    """Where they are driven."""
+    trials: int = 10
+    """Trials of each system; all systems start from the same places."""
+    commands: int = MAX_COMMANDS
+    """Commands after which a trial ends without a collision."""
+    ahead: float = 0.01
+    """Starts differ from the arena's own by up to so many metres along,"""
+    aside: float = 0.01
+    """across,"""
+    heading: float = 5.0
+    """and degrees."""
+    anywhere: bool = False
+    """Starts are free places anywhere in the arena instead."""
+
+    def spread(self) -> Spread:
+        """How starts differ, in metres and radians."""
+        return Spread(self.ahead, self.aside, radians(self.heading))
+
+
+class Track:
+    """A robot on a course."""
+
+    def __init__(self, course: Course, hardware: Hardware, bench: Bench) -> None:
+        self._course = course
+        self._hardware = hardware
+        self._bench = bench
+
+    def outline(self) -> Outline:
+        """The arena, to draw."""
+        return self._bench.outline()
+
+    def drive(self, system: System, seed: int) -> list[Trial]:
+        """All trials of a system; the seed and a trial's number decide where it starts.
+
+        Raises:
+            RobotError, CameraError, BenchError: the hardware or the emulator fails.
+        """
+        agent = Agent(system.brain, Driver(self._hardware.robot), self._hardware.camera)
+        return [self._trial(agent, system.planner, seed, k) for k in range(self._course.trials)]
+
+    def _trial(self, agent: Agent, planner: Planner, seed: int, number: int) -> Trial:
+        rng = np.random.default_rng([seed, number])
+        chance = int(rng.integers(2**31))
+        if self._course.anywhere:
+            start = Reset(random=True, seed=chance)
+        else:
+            pose = self._bench.reset(Reset(seed=chance)).pose
+            start = Reset(pose=self._course.spread().draw(pose, rng))
+        return run_trial(agent, planner, self._bench, start, rng, self._course.commands)
+
+
+@contextmanager
+def on_course(course: Course, seed: int, drift: str = "default") -> Iterator[Track]:
+    """The emulated robot of a seed on a course.
+
+    Raises:
+        RobotError, CameraError, BenchError: the emulator cannot be used.
+    """
+    with open_hardware(f"khepera://{course.arena}?seed={seed}&drift={drift}") as hardware:
+        if hardware.bench is None:
+            raise BenchError("trials need an emulated robot")
+        yield Track(course, hardware, hardware.bench)
+
+
+def trial_as_json(trial: Trial) -> dict[str, Any]:
+    """A trial as it is kept in results; places to 0.1 mm and headings to 0.0001 rad."""
+    path = [[round(v, 4) for v in (p.x, p.y, p.heading)] for p in trial.path]
+    return {
+        "r": list(trial.reinforcement),
+        "collided": trial.collided,
+        "touched": trial.touched,
+        "path": path,
+    }
+
+
+def trial_from_json(value: dict[str, Any]) -> Trial:
+    """The trial of a result."""
+    path = tuple(Pose(x=x, y=y, heading=heading) for x, y, heading in value["path"])
+    return Trial(tuple(value["r"]), value["collided"], value["touched"], path)

@@ -1,0 +1,100 @@
+"""The systems of table 1 and those beyond the paper, all learned from one recording."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from macor_hil.commands import COMMANDS
+from macor_hil.experiments.drives.course import System, relearn
+from macor_hil.experiments.drives.training_drive import Recording
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.memories.graded import GradedMemory, GradedSituations
+from macor_hil.mind.memories.memory import Memory
+from macor_hil.mind.memories.q_map import QMap
+from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
+from macor_hil.mind.planners.anticipative import Anticipative
+from macor_hil.mind.planners.expected import Expected
+from macor_hil.mind.planners.graded import Graded
+from macor_hil.mind.planners.planner import Planner
+from macor_hil.mind.planners.q_learning import QLearning, WeakQLearning
+from macor_hil.mind.planners.reactive import Reactive
+from macor_hil.mind.reinforcement import Reinforcement
+
+REACTIVE: Final = "reactive"
+ANTICIPATIVE: Final = "anticipative"
+Q: Final = "q-learning"
+WEAK: Final = "weak-q-learning"
+EXPECTED: Final = "expected"
+GRADED: Final = "graded"
+
+_PLANNERS: Final[Mapping[str, Callable[[], Planner]]] = {
+    REACTIVE: Reactive,
+    ANTICIPATIVE: Anticipative,
+    Q: QLearning,
+    WEAK: WeakQLearning,
+    EXPECTED: Expected,
+    GRADED: Graded,
+}
+SYSTEMS: Final = tuple(_PLANNERS)
+
+
+@dataclass(frozen=True)
+class Learning:
+    """How systems learn, with the values of section 3.2."""
+
+    nodes: int = 50
+    """n, Fuzzy ART nodes."""
+    vigilance: float = 0.9
+    """rho."""
+    alpha: float = 0.001
+    """Choice parameter of Fuzzy ART, not printed."""
+    gamma: float = 0.9
+    """Planning horizon of Q-learning."""
+    competence: Competence = field(default_factory=Competence)
+    """Equation 1."""
+    reinforcement: Reinforcement = field(default_factory=Reinforcement)
+    """What commands earn, not printed; from the table's means a step."""
+
+
+def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:
+    """Learn all systems; they share one brain.
+
+    Situations and transitions are learned at the same time: the node of a frame is the one that
+    it had when it was presented.
+    """
+    size = learning.nodes, len(COMMANDS)
+    memories: dict[str, Memory] = {
+        "transitions": SensorimotorMap(*size, learning.competence),
+        "q-learning": QMap(*size, learning.gamma),
+        "weak-q-learning": QMap(*size, 0.0),
+        "graded": graded_memory(learning, recording, situations_of(recording)),
+    }
+    eyes = recording.brain.eyes
+    art = FuzzyArt(eyes.size, learning.nodes, learning.vigilance, learning.alpha)
+    brain = Brain(eyes, art, memories, learning.reinforcement)
+    relearn(brain, recording)
+    return {name: System(brain, make()) for name, make in _PLANNERS.items()}
+
+
+def situations_of(recording: Recording) -> GradedSituations:
+    """Return the prototypes that were placed in the recording's tuning drive."""
+    memory = recording.brain.memories["graded"]
+    assert isinstance(memory, GradedMemory)
+    return memory.situations
+
+
+def graded_memory(
+    learning: Learning,
+    recording: Recording,
+    situations: GradedSituations,
+    *,
+    both_sides: bool = True,
+) -> GradedMemory:
+    """Make an empty memory of given graded situations, for the eyes of a recording."""
+    eyes = recording.brain.eyes
+    memory = GradedMemory(
+        learning.nodes, len(COMMANDS), eyes.size, eyes.mirrored, both_sides=both_sides
+    )
+    memory.situations = situations
+    return memory

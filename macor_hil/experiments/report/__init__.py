@@ -1,0 +1,1 @@
+"""The parts of a report: blocks of a page, drawings, statistics."""

@@ -1,0 +1,1 @@
+"""Results on disk, each with a key of what decides it."""

@@ -1,0 +1,1 @@
+"""An experiment over many seeds: jobs, engines, pages of its report."""

@@ -1,0 +1,153 @@
+"""Sweeps: an experiment over seeds and worker processes; whatever is done stays done."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import joblib
+
+from macor_hil.experiments.drives.training_drive import Recordings
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.results.code_digest import digest
+from macor_hil.experiments.results.store import (
+    TOOK,
+    Result,
+    Results,
+    ResultsFile,
+    append_line,
+    only_one,
+    read_lines,
+)
+from macor_hil.experiments.sweep.engine import engine
+from macor_hil.experiments.sweep.pages import Chapter, write_report
+from macor_hil.mind.catalogue import whereabouts
+
+Watch = Callable[[str, int, int], None]
+"""Hears what is being done, how many seeds of it are done, and of how many."""
+
+ALL: Final = -1
+"""As many workers as this machine has processors, or the cluster has workers."""
+
+_T = TypeVar("_T")
+
+COSTS: Final = "costs.jsonl"
+"""What each piece of work took; kept apart from results, which are the same on every run."""
+
+
+def reproduce(
+    experiments: Sequence[Experiment],
+    seeds: int,
+    workers: int,
+    out: Path,
+    watch: Watch,
+    cluster: str | None = None,
+) -> Path:
+    """Run experiments over the seeds 1 to `seeds` and write the report page.
+
+    A sweep that was killed goes on where it was: recordings and results that are there are not
+    made again. Results do not depend on the number of workers.
+
+    Args:
+        experiments: what to run.
+        seeds: training seeds.
+        workers: worker processes on this machine, or ALL.
+        out: folder for recordings, results and report.
+        watch: hears of the progress.
+        cluster: address of a dask scheduler, whose workers do the work instead; they share `out`.
+
+    Returns:
+        The report page.
+
+    Raises:
+        MacorError: the emulator fails, or the folder cannot be used.
+    """
+    numbers = range(1, seeds + 1)
+    if cluster is not None:
+        workers = ALL
+    with only_one(out), engine(cluster):
+        chapters = [
+            Chapter(
+                experiment,
+                _sweep(experiment, numbers[: experiment.most_seeds], workers, out, watch),
+            )
+            for experiment in experiments
+        ]
+        return write_report(out / "report", chapters, _costs(out / COSTS))
+
+
+def _sweep(
+    experiment: Experiment, seeds: Sequence[int], workers: int, out: Path, watch: Watch
+) -> Results:
+    """Results of an experiment; those that are missing are made now."""
+    settings = experiment.settings
+    recordings = Recordings(out / "recordings", settings.drive)
+    uses = whereabouts(settings.drive.brain)
+    code = digest(experiment.trial, {settings.drive.arena, *settings.arenas}, uses)
+    file = ResultsFile(out / "results", experiment.kept_as, settings, code)
+    results = file.read()
+    missing = [seed for seed in seeds if seed not in results]
+    if missing:
+        # puts in order what a kill may have left: half a line, or seeds out of order
+        file.write(results)
+        unrecorded = [seed for seed in missing if not recordings.has(seed)]
+        for seed, _, seconds in _parallel(recordings.make, unrecorded, workers, "driving", watch):
+            append_line(out / COSTS, _cost("recording", seed, seconds))
+        work = _Trial(experiment.trial, settings, recordings)
+        for seed, result, seconds in _parallel(work, missing, workers, experiment.name, watch):
+            took = result.pop(TOOK, {})
+            file.append(seed, result)
+            results[seed] = result
+            append_line(out / COSTS, _cost(experiment.kept_as, seed, seconds))
+            for part, spent in took.items():
+                append_line(out / COSTS, _cost(f"{experiment.kept_as}: {part}", seed, spent))
+        file.write(results)
+    return {seed: results[seed] for seed in seeds}
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """A trial with all but its seed given; can be sent to another process."""
+
+    trial: Callable[[Any, int, Recordings], Result]
+    settings: Any
+    recordings: Recordings
+
+    def __call__(self, seed: int) -> Result:
+        return self.trial(self.settings, seed, self.recordings)
+
+
+def _parallel(
+    work: Callable[[int], _T], seeds: Sequence[int], workers: int, what: str, watch: Watch
+) -> Iterator[tuple[int, _T, float]]:
+    """Work on all seeds: seed, outcome and seconds of each, in the order they are done."""
+    calls = [joblib.delayed(_timed)(work, seed) for seed in seeds]
+    if not calls:
+        return
+    watch(what, 0, len(calls))
+    pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
+    for done, outcome in enumerate(pool(calls), 1):
+        yield outcome
+        watch(what, done, len(calls))
+
+
+def _timed(work: Callable[[int], _T], seed: int) -> tuple[int, _T, float]:
+    start = time.perf_counter()
+    value = work(seed)
+    return seed, value, time.perf_counter() - start
+
+
+def _costs(path: Path) -> list[dict[str, Any]]:
+    """Lines that can be read of what each piece of work took."""
+    return [
+        line
+        for line in read_lines(path)
+        if line is not None
+        and isinstance(line.get("what"), str)
+        and isinstance(line.get("seconds"), float | int)
+    ]
+
+
+def _cost(what: str, seed: int, seconds: float) -> dict[str, Any]:
+    return {"what": what, "seed": seed, "seconds": round(seconds, 2)}

@@ -1,0 +1,1 @@
+"""The devices of a controller: the robot on its serial line, and a camera."""

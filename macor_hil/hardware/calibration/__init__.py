@@ -1,0 +1,1 @@
+"""The wheels measured: courses driven, distances taken, results."""

@@ -1,0 +1,312 @@
+"""Motor commands of the paper, driven with the robot's position controller.
+
+A command is an arc: both wheels get a target (C) and a speed profile (J) scaled so that they
+arrive together. While they turn, the infrared sensors are watched: a body about to touch
+something is stopped, and that is what the controller calls a collision. A target that is not
+reached in time is one, too. Nothing here knows whether the robot is a real one.
+
+The robot turns its wheels only while somebody here looks on: whatever else the controller does,
+it stands. A guard is asked between any two looks, and what it raises ends the drive. Nothing that
+is raised leaves a drive before the robot stands.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf, sqrt
+
+from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
+
+from macor_hil.commands import LONGEST_WAY as LONGEST_WAY
+from macor_hil.commands import MotorCommand
+from macor_hil.errors import RobotResetError, StrayedError
+from macor_hil.hardware.khepera import Khepera, WheelStatus
+from macor_hil.hardware.odometry import Wheels
+from macor_hil.hardware.standstill import standing_on_failure
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSettings:
+    """How commands are driven.
+
+    Attributes:
+        wheels: what counts mean.
+        speed, acceleration: profile of the faster wheel, in the units of J: 1 to 127 and 1 to 255.
+            No wheel is ever told to turn faster.
+        collision: proximity reading of one of the six front and side sensors from which on the
+            robot counts as touching. A saturated sensor sees a white wall within 15 to 20 mm.
+        patience: seconds that a command may take beyond its profile's time.
+    """
+
+    wheels: Wheels = field(default_factory=Wheels)
+    speed: int = 20
+    acceleration: int = 64
+    collision: int = 1000
+    patience: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a command came to.
+
+    Attributes:
+        collided: whether it was cut short.
+        proximity: the last infrared reading.
+        counters: encoder counters after it.
+    """
+
+    collided: bool
+    proximity: tuple[int, ...]
+    counters: tuple[int, int]
+
+
+FRONT_SENSORS = slice(0, 6)
+"""Infrared sensors that face where the robot can drive to: all but the two at the back."""
+
+Guard = Callable[[], None]
+"""Asked again and again while the robot drives; raises when it must not go on."""
+
+
+def all_of(*guards: Guard) -> Guard:
+    """Return a guard that asks several, in their order."""
+
+    def guard() -> None:
+        for each in guards:
+            each()
+
+    return guard
+
+
+LEASH = 0.15
+"""Metres that a leg's target is ahead of the wheels at most: what they turn on if left alone."""
+
+_SLACK_LEASH = 0.8
+"""Share of the leash at which the target moves on."""
+
+_TRAIL = 64
+_SLACK = 40
+"""Counts that a wheel may be beside its way: 3 mm."""
+
+
+def is_touching(proximity: tuple[int, ...], settings: DriveSettings) -> bool:
+    """Whether infrared readings say that the body is about to touch something it can drive into."""
+    return max(proximity[FRONT_SENSORS]) >= settings.collision
+
+
+class Driver:
+    """Executes motor commands on a robot, and drives back the way it came.
+
+    Args:
+        robot: the robot.
+        settings: how it is driven.
+        guard: what must hold while it drives.
+
+    Attributes:
+        settings: how it is driven.
+    """
+
+    def __init__(
+        self,
+        robot: Khepera,
+        settings: DriveSettings = DriveSettings(),
+        guard: Guard = lambda: None,
+    ) -> None:
+        self.settings = settings
+        self._robot = robot
+        self._guard = guard
+        self._target = (0, 0)
+        self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
+
+    def start(self) -> None:
+        """Begin here: stop, zero the counters, forget the way."""
+        self._robot.stop()
+        self._robot.set_counters(0, 0)
+        self._target = (0, 0)
+        self._trail.clear()
+
+    def execute(self, command: MotorCommand) -> Outcome:
+        """Drive one command to its end, or to a collision.
+
+        Raises:
+            StrayedError: the robot is elsewhere than on the way of this command.
+            RobotError: the robot does not answer, or has been reset.
+        """
+        with standing_on_failure(self._robot, command.way):
+            begin = self._target
+            self._trail.append(begin)
+            ways = self.settings.wheels.counts(command.way, command.turn)
+            self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
+            proximity, collided = self._go(self._target, ways, watch=True)
+            if collided:
+                self._robot.stop()
+            counters = self._robot.counters()
+            self._check(begin, counters)
+            if collided:
+                self._target = counters
+            return Outcome(collided, proximity, counters)
+
+    def hold(self, left: int, right: int, seconds: float, *, roll_on: bool = False) -> Outcome:
+        """Hold wheel speeds for a time, or until a collision; then the robot stands.
+
+        Args:
+            left: speed of the left wheel, counts / 10 ms, cut to the greatest of the settings.
+            right: that of the right wheel.
+            seconds: how long, on the robot's clock.
+            roll_on: let the wheels turn on for the next call. For a robot whose time stands still
+                between two calls (`khepera://`); any other would be on its own.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        top = self.settings.speed
+        with standing_on_failure(self._robot, top * SPEED_UNIT * seconds):
+            self._robot.set_speed(max(-top, min(top, left)), max(-top, min(top, right)))
+            end = self._robot.clock() + seconds
+            while True:
+                self._guard()
+                proximity = self._robot.proximity()
+                collided = is_touching(proximity, self.settings)
+                if collided or self._robot.clock() >= end:
+                    break
+            if collided or not roll_on:
+                self._robot.stop()
+            return Outcome(collided, proximity, self._robot.counters())
+
+    def leg(self, way: float, turn: float) -> Outcome:
+        """Drive a straight way, or turn on the spot, of any length, to its end or a collision.
+
+        The robot's target is never farther ahead of its wheels than a leash, and moves on while
+        somebody looks: a robot that is left alone comes to rest.
+
+        Args:
+            way: metres, backwards if negative.
+            turn: radians, to the left; one of both is 0.
+
+        Raises:
+            StrayedError: the robot is elsewhere than on the way of this leg.
+            RobotError: the robot does not answer, or has been reset.
+        """
+        with standing_on_failure(self._robot, LEASH):
+            begin = self._target
+            ways = self.settings.wheels.counts(way, turn)
+            self._target = begin[0] + round(ways[0]), begin[1] + round(ways[1])
+            proximity, collided = self._go_on_a_leash(begin, ways)
+            if collided:
+                self._robot.stop()
+            counters = self._robot.counters()
+            self._check(begin, counters)
+            if collided:
+                self._target = counters
+            return Outcome(collided, proximity, counters)
+
+    def back_off(self, commands: int) -> None:
+        """Drive back along the trail by up to a number of commands.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        with standing_on_failure(self._robot, LONGEST_WAY):
+            for _ in range(min(commands, len(self._trail))):
+                target = self._trail.pop()
+                ways = float(target[0] - self._target[0]), float(target[1] - self._target[1])
+                self._target = target
+                self._go(target, ways, watch=False)
+            self._robot.stop()
+            self._target = self._robot.counters()
+
+    def turn(self, angle: float) -> None:
+        """Turn on the spot by radians, to the left; a round body has always room for that.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        with standing_on_failure(self._robot, 0.0):
+            ways = self.settings.wheels.counts(0.0, angle)
+            self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
+            self._go(self._target, ways, watch=False)
+            self._robot.stop()
+            self._target = self._robot.counters()
+
+    def _go(
+        self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
+    ) -> tuple[tuple[int, ...], bool]:
+        settings, robot = self.settings, self._robot
+        longest = max(abs(ways[0]), abs(ways[1]), 1.0)
+        profiles = [
+            (
+                max(1, round(settings.speed * abs(way) / longest)),
+                max(1, round(settings.acceleration * abs(way) / longest)),
+            )
+            for way in ways
+        ]
+        robot.set_profile(profiles[0], profiles[1])
+        robot.go_to(*target)
+        start = robot.clock()
+        duration = self._duration(longest)
+        while True:
+            self._guard()
+            proximity = robot.proximity()
+            if watch and is_touching(proximity, settings):
+                return proximity, True
+            elapsed = robot.clock() - start
+            if elapsed < duration:
+                continue
+            left, right = robot.status()
+            if left.reached and right.reached:
+                return proximity, False
+            self._check_remembered(left, right)
+            if elapsed > duration + settings.patience:
+                return proximity, True
+
+    def _go_on_a_leash(
+        self, begin: tuple[int, int], ways: tuple[float, float]
+    ) -> tuple[tuple[int, ...], bool]:
+        settings, robot = self.settings, self._robot
+        longest = max(abs(ways[0]), abs(ways[1]), 1.0)
+        leash = LEASH / min(settings.wheels.left, settings.wheels.right)
+        profile = settings.speed, settings.acceleration
+        robot.set_profile(profile, profile)
+        end = robot.clock() + self._duration(longest, leash) + settings.patience
+        ahead = 0.0
+        left = right = WheelStatus(reached=False, speed_mode=False, error=0)
+        while not (ahead == longest and left.reached and right.reached):
+            behind = max(abs(left.error), abs(right.error))
+            if ahead < longest and behind < _SLACK_LEASH * leash:
+                ahead = min(longest, ahead - behind + leash)
+                share = ahead / longest
+                robot.go_to(begin[0] + round(ways[0] * share), begin[1] + round(ways[1] * share))
+            self._guard()
+            proximity = robot.proximity()
+            if is_touching(proximity, settings) or robot.clock() > end:
+                return proximity, True
+            left, right = robot.status()
+            self._check_remembered(left, right)
+        return proximity, False
+
+    def _check_remembered(self, *wheels: WheelStatus) -> None:
+        """See that the robot knows of the target that it was sent to."""
+        if any(wheel.speed_mode and not wheel.reached for wheel in wheels):
+            raise RobotResetError(
+                f"sent to {self._target}, and the robot knows nothing of it: it has started again;"
+                " is its battery low?"
+            )
+
+    def _check(self, begin: tuple[int, int], counters: tuple[int, int]) -> None:
+        """Nothing on the line protects a number; the counters tell where it has led."""
+        for first, last, now in zip(begin, self._target, counters, strict=True):
+            if not min(first, last) - _SLACK <= now <= max(first, last) + _SLACK:
+                raise StrayedError(
+                    f"sent from {begin} to {self._target} and got to {counters}: the request did"
+                    " not arrive as it was sent, or the robot was reset"
+                )
+
+    def _duration(self, counts: float, leash: float = inf) -> float:
+        """Seconds that the profile needs for a number of counts, with a target so far ahead."""
+        settings = self.settings
+        way = counts * PULSE
+        acceleration = settings.acceleration * ACCELERATION_UNIT
+        # half a leash is left at times, from which the robot must be able to brake
+        top = min(settings.speed * SPEED_UNIT, sqrt(acceleration * leash * PULSE))
+        if way < top**2 / acceleration:
+            return 2 * sqrt(way / acceleration)
+        return way / top + top / acceleration

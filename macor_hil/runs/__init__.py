@@ -1,0 +1,1 @@
+"""What a controller does with its devices: live runs, trainings, trials."""

@@ -1,0 +1,112 @@
+"""Trials against what is possible: the longest drive that a search over the floor plan finds.
+
+For scoring an emulated robot only: the search is the emulator's own
+(`khepera_emulator.routes.oracle`), asked with the arena's outline, so that it makes no difference
+whether the robot is in this process.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from khepera_protocol.serial.units import PULSE
+from khepera_protocol.zenoh.payloads import Pose
+
+from macor_hil.commands import COMMANDS
+from macor_hil.errors import BenchError
+from macor_hil.hardware.bench import Bench
+from macor_hil.hardware.driver import DriveSettings
+from macor_hil.runs.trials import MAX_COMMANDS, Trial
+
+
+@dataclass(frozen=True, slots=True)
+class Possible:
+    """The best that there is from a start.
+
+    Attributes:
+        length: commands of the longest drive without a collision.
+        asked: greatest number of commands of a trial.
+        exact: whether it is certain that there is no longer one.
+    """
+
+    length: int
+    asked: int
+    exact: bool
+
+    @property
+    def everything(self) -> bool:
+        """Whether all commands of a trial can be driven: no collision is necessary."""
+        return self.length >= self.asked
+
+
+Judge = Callable[[Pose], Possible]
+"""Tells what is possible from a start."""
+
+
+def judge(bench: Bench, commands: int = MAX_COMMANDS) -> Judge:
+    """Make a judge of what is possible for an emulated robot, with things where they are now.
+
+    Args:
+        bench: of the robot, which is driven with the usual settings.
+        commands: greatest number of commands of a trial.
+
+    Raises:
+        BenchError: the emulator does not answer, or its robot is unknown here.
+    """
+    from khepera_emulator.errors import EmulatorError
+    from khepera_emulator.routes.oracle import Oracle
+
+    settings = DriveSettings()
+    counts = [settings.wheels.counts(each.way, each.turn) for each in COMMANDS]
+    ways = [(round(left) * PULSE, round(right) * PULSE) for left, right in counts]
+    try:
+        oracle = Oracle(bench.outline(), ways, bench.truth().drift, settings.collision)
+    except EmulatorError as error:
+        raise BenchError(f"cannot tell what is possible: {error}") from None
+
+    def tell(start: Pose) -> Possible:
+        longest = oracle.longest_drive(start, commands)
+        return Possible(longest.length, commands, longest.exact)
+
+    return tell
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """Trials of a system against what was possible.
+
+    Attributes:
+        share: of the commands that were possible, mean over the trials in which any was; None:
+            none ever was.
+        hopeless: trials in which no command was possible; they count in nothing else.
+        free: trials in which no collision was necessary.
+        needless: of those, the ones that collided.
+    """
+
+    share: float | None
+    hopeless: int
+    free: int
+    needless: int
+
+
+def compare(trials: Sequence[Trial], possible: Sequence[Possible]) -> Shares:
+    """Compare trials with what was possible from their starts."""
+    pairs = list(zip(trials, possible, strict=True))
+    shares = [share for trial, most in pairs if (share := share_of(trial, most)) is not None]
+    free = [trial for trial, most in pairs if most.everything]
+    return Shares(
+        share=sum(shares) / len(shares) if shares else None,
+        hopeless=len(pairs) - len(shares),
+        free=len(free),
+        needless=sum(trial.collided for trial in free),
+    )
+
+
+def share_of(trial: Trial, possible: Possible) -> float | None:
+    """Return the share of the possible commands that a trial drove; None: none was possible.
+
+    The command that collides is not driven. A trial that got further than was thought possible
+    shows that more was.
+    """
+    driven = trial.length - trial.collided
+    most = max(possible.length, driven)
+    return driven / most if most else None

@@ -1,0 +1,1 @@
+"""Recordings of telemetry as MCAP files: written, read, played."""

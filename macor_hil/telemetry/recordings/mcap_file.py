@@ -1,0 +1,222 @@
+"""Messages of an MCAP file, as far as it can be read.
+
+The library that writes recordings believes every length that stands in a file. Files from outside
+are read here: nothing is taken into memory or expanded before its size is known to be within
+bounds, and damage is told together with its place. A chunk whose contents are damaged is left out,
+and reading goes on behind it; where a record's own length cannot be true, reading ends.
+
+Layout: a magic number, then records of an opcode (1 byte), a length (8) and contents, with numbers
+in little-endian order (https://mcap.dev/spec). What follows the data, such as an index, is not
+needed. Needs the extra 'recording'.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from typing import BinaryIO, Final, NamedTuple
+
+import lz4.frame
+import zstandard
+from khepera_protocol.text import printable
+
+from macor_hil.input_files import MIB
+
+_MAGIC: Final = b"\x89MCAP0\r\n"
+_HEAD: Final = struct.Struct("<BQ")
+_CHUNK: Final = struct.Struct("<QQQI")
+_MESSAGE: Final = struct.Struct("<HIQQ")
+
+_CHANNEL: Final = 0x04
+_MESSAGE_OPCODE: Final = 0x05
+_CHUNK_OPCODE: Final = 0x06
+_FOOTER: Final = 0x02
+_DATA_END: Final = 0x0F
+_PRIVATE: Final = 0x80
+
+_MOST: Final = 64 * MIB
+"""Bytes of a record, and of a chunk when it is expanded."""
+
+_LONGEST_NAME: Final = 1024
+
+
+class Message(NamedTuple):
+    """A message.
+
+    Attributes:
+        topic: of its channel.
+        sequence: number that it was given.
+        log_time, publish_time: ns.
+        data: its payload.
+    """
+
+    topic: str
+    sequence: int
+    log_time: int
+    publish_time: int
+    data: bytes
+
+
+class Damage(NamedTuple):
+    """A part that cannot be read.
+
+    Attributes:
+        place: byte of the file where it begins.
+        reason: in words.
+    """
+
+    place: int
+    reason: str
+
+
+class _DamageError(Exception):
+    """A part cannot be read; the message says why."""
+
+
+class _Parts:
+    """The contents of a record, taken from the front."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = memoryview(data)
+        self._at = 0
+
+    def __bool__(self) -> bool:
+        return self._at < len(self._data)
+
+    def numbers(self, form: struct.Struct) -> tuple[int, ...]:
+        return form.unpack(self.take(form.size))
+
+    def number(self, size: int) -> int:
+        return int.from_bytes(self.take(size), "little")
+
+    def take(self, length: int) -> bytes:
+        end = self._at + length
+        if end > len(self._data):
+            raise _DamageError("a part of it is longer than the whole")
+        taken = bytes(self._data[self._at : end])
+        self._at = end
+        return taken
+
+    def text(self) -> str:
+        length = self.number(4)
+        if length > _LONGEST_NAME:
+            raise _DamageError("a name has no end")
+        try:
+            return self.take(length).decode()
+        except UnicodeDecodeError:
+            raise _DamageError("a name is not UTF-8 text") from None
+
+    def rest(self) -> bytes:
+        return self.take(len(self._data) - self._at)
+
+
+class _Topics:
+    """Topics of channels, by their numbers."""
+
+    def __init__(self) -> None:
+        self._topics: dict[int, str] = {}
+
+    def hear(self, opcode: int, contents: bytes) -> Message | None:
+        """Remember a channel, or return a message; other records are not needed.
+
+        Raises:
+            _DamageError: it cannot be read, or its channel is not known.
+        """
+        parts = _Parts(contents)
+        if opcode == _CHANNEL:
+            number, _ = parts.number(2), parts.number(2)
+            self._topics[number] = parts.text()
+        elif opcode == _MESSAGE_OPCODE:
+            number, sequence, log_time, publish_time = parts.numbers(_MESSAGE)
+            if number not in self._topics:
+                raise _DamageError("it is of a channel that is not described")
+            return Message(self._topics[number], sequence, log_time, publish_time, parts.rest())
+        return None
+
+
+def read_messages(file: BinaryIO) -> Iterator[Message | Damage]:
+    """Read all messages of a file, in their order, with what cannot be read between them."""
+    topics = _Topics()
+    if file.read(len(_MAGIC)) != _MAGIC:
+        yield Damage(0, "it does not begin as MCAP does")
+        return
+    while True:
+        place = file.tell()
+        head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            yield Damage(place, "it was cut off")
+            return
+        opcode, length = _HEAD.unpack(head)
+        if opcode in (_DATA_END, _FOOTER):
+            return
+        if length > _MOST:
+            yield Damage(place, f"a part would have {length:,} bytes")
+            return
+        contents = file.read(length)
+        if len(contents) < length:
+            yield Damage(place, "it was cut off")
+            return
+        try:
+            yield from _messages(topics, opcode, contents)
+        except _DamageError as error:
+            yield Damage(place, str(error))
+
+
+def _messages(topics: _Topics, opcode: int, contents: bytes) -> Iterator[Message]:
+    """Read the messages of a record, which is one itself or a chunk of many.
+
+    Raises:
+        _DamageError: it cannot be read, or not to its end.
+    """
+    if opcode == 0 or _DATA_END < opcode < _PRIVATE:
+        raise _DamageError("it is of an unknown kind")
+    if opcode != _CHUNK_OPCODE:
+        message = topics.hear(opcode, contents)
+        if message is not None:
+            yield message
+        return
+    parts = _Parts(_chunk(_Parts(contents)))
+    while parts:
+        opcode, length = parts.numbers(_HEAD)
+        message = topics.hear(opcode, parts.take(length))
+        if message is not None:
+            yield message
+
+
+def _chunk(parts: _Parts) -> bytes:
+    """Return the records of a chunk.
+
+    Raises:
+        _DamageError: they cannot be expanded, or are not those that were written.
+    """
+    _, _, size, checksum = parts.numbers(_CHUNK)
+    if size > _MOST:
+        raise _DamageError(f"a chunk would have {size:,} bytes when it is expanded")
+    compression = parts.text()
+    data = parts.take(parts.number(8))
+    records = _expanded(compression, data, size)
+    if len(records) != size or (checksum and zlib.crc32(records) != checksum):
+        raise _DamageError("a chunk is not what its checksum says")
+    return records
+
+
+def _expanded(compression: str, data: bytes, size: int) -> bytes:
+    """Return at most a byte more than the size that is stated, whatever there is."""
+    match compression:
+        case "":
+            return data
+        case "zstd":
+            try:
+                with zstandard.ZstdDecompressor().stream_reader(BytesIO(data)) as reader:
+                    return reader.read(size + 1)
+            except (zstandard.ZstdError, MemoryError):
+                raise _DamageError("a chunk cannot be expanded") from None
+        case "lz4":
+            try:
+                expanded = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+            except (RuntimeError, EOFError, ValueError, MemoryError):
+                raise _DamageError("a chunk cannot be expanded") from None
+            return bytes(expanded)
+    raise _DamageError(
+        f"a chunk is compressed as {printable(compression, 20)!r}; zstd and lz4 are read"
+    )

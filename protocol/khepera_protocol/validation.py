@@ -1,0 +1,43 @@
+"""What is wrong with values from outside, in one line that a terminal can show."""
+
+from typing import Final
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from khepera_protocol.text import printable
+
+_MOST: Final = 3
+"""Faults that are told; with more of them, how many more there are."""
+
+
+def first_fault(error: ValidationError) -> str:
+    """Return the first thing that is wrong: the place and the reason."""
+    return _told(_faults(error)[0])
+
+
+def problems(error: ValidationError) -> str:
+    """Return everything that is wrong, at most three things one by one."""
+    faults = _faults(error)
+    said = "; ".join(map(_told, faults[:_MOST]))
+    more = len(faults) - _MOST
+    return f"{said}; and {more} more" if more > 0 else said
+
+
+def _faults(error: ValidationError) -> list[ErrorDetails]:
+    return error.errors(include_url=False, include_context=False)
+
+
+def _told(fault: ErrorDetails) -> str:
+    place = printable(".".join(map(str, fault["loc"])), 100)
+    reason = fault["msg"].removeprefix("Value error, ")
+    if reason.startswith("Input "):
+        given = fault["input"]
+        shown = f", not {printable(repr(given), 40)}" if _is_plain(given) else ""
+        reason = f"{reason.removeprefix('Input ')}{shown}"
+        return f"{place} {printable(reason, 200)}" if place else printable(reason, 200)
+    return f"{place}: {printable(reason, 200)}" if place else printable(reason, 200)
+
+
+def _is_plain(value: object) -> bool:
+    return value is None or isinstance(value, str | int | float | bool)
