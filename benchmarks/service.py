@@ -14,6 +14,7 @@ from statistics import median
 from typing import Final, NamedTuple
 
 from figures import Figure, percentile
+from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.payloads import Reset
 from page import DOCS, report
 from rich.progress import track
@@ -37,7 +38,6 @@ from macor_hil.runs.demo import DemoSettings, emulator_process
 from macor_hil.runs.service import ServiceConfig, serve
 from macor_hil.runs.training import Schedule
 from macor_hil.telemetry.publisher import Publisher
-from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 
 _ROUNDS: Final = 6

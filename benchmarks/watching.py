@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 from figures import Figure
 from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.payloads import Stamp
 
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival
 from macor_hil.telemetry.recordings.recording import Recorder
-from macor_hil.telemetry.schemas import Decision
 
 _PAIRS = 2000
 _PAGE = 18457

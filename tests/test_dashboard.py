@@ -7,6 +7,7 @@ from math import radians
 
 import pytest
 from controller_helpers import a_decision, a_state
+from khepera_protocol.zenoh.controller_payloads import Phase
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
 from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire, WireEntry
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
@@ -17,7 +18,6 @@ from macor_hil.monitor.dashboard.sources import Player
 from macor_hil.monitor.robot_state import Controlled, Emulated, Watched
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Presence
-from macor_hil.telemetry.schemas import Phase
 
 
 def parsed(svg):

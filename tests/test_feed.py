@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
-from khepera_protocol.zenoh.payloads import MOST_JSON, Stamp
+from khepera_protocol.zenoh.payload_model import MOST_JSON
+from khepera_protocol.zenoh.payloads import Stamp
 from watching_helpers import a_life
 
 from macor_hil.monitor.follower import Watcher

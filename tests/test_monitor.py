@@ -12,6 +12,12 @@ from controller_helpers import (
     publishing,
     wait_until_watched,
 )
+from khepera_protocol.zenoh.controller_payloads import (
+    Ahead,
+    Alternative,
+    Link,
+    Phase,
+)
 from khepera_protocol.zenoh.keys import CONTROLLER
 from khepera_protocol.zenoh.payloads import Truth
 from rich.console import Console
@@ -24,7 +30,6 @@ from macor_hil.monitor.terminal_view import bar, render, spark
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import NotTaken
 from macor_hil.telemetry.publisher import Publisher
-from macor_hil.telemetry.schemas import Ahead, Alternative, Link, Phase
 from macor_hil.telemetry.session import open_session
 
 PATIENCE = 10.0

@@ -4,11 +4,11 @@ from io import StringIO
 
 import pytest
 from controller_helpers import a_state
+from khepera_protocol.zenoh.controller_payloads import Phase
 from rich.console import Console
 
 from macor_hil.monitor.robot_state import Controlled, Watched
 from macor_hil.monitor.terminal_view import render
-from macor_hil.telemetry.schemas import Phase
 
 
 @pytest.mark.parametrize("phase", list(Phase))

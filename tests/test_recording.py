@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from controller_helpers import ask, free_endpoint, wait_until_watched, watching
+from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
 from khepera_protocol.zenoh.schema import schema_of
 from mcap.reader import make_reader
@@ -24,7 +25,6 @@ from macor_hil.monitor.robot_state import Watched
 from macor_hil.telemetry.feed import Arrival, Presence
 from macor_hil.telemetry.recordings.player import Stage, replay
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
-from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 
 PATIENCE = 20.0

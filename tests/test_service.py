@@ -14,6 +14,7 @@ import pytest
 import serial
 from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watching
 from emulator_process import emulator
+from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
 from short_training import train_shortly
 
 import macor_hil.hardware.devices
@@ -27,7 +28,6 @@ from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.map_file import save_map
 from macor_hil.runs.service import Ending, ServiceConfig, serve
 from macor_hil.safety.interruption import Interruption, undisturbed
-from macor_hil.telemetry.schemas import Decision, Phase, State
 from macor_hil.telemetry.sender import Outbox
 from macor_hil.telemetry.session import open_session
 

@@ -15,7 +15,13 @@ import zenoh
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.config import zenoh_config
-from khepera_protocol.zenoh.payloads import MOST_TEXT, Outline, Stamp, Truth, Wire
+from khepera_protocol.zenoh.payload_model import MOST_TEXT
+from khepera_protocol.zenoh.payloads import (
+    Outline,
+    Stamp,
+    Truth,
+    Wire,
+)
 
 from khepera_emulator.app.side_channel import SideChannel
 from khepera_emulator.arenas.arena import load_arena

@@ -26,13 +26,13 @@ from controller_helpers import (
     wait_until_watched,
     watching,
 )
+from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
 from khepera_protocol.zenoh.payloads import Stamp
 from pydantic import ValidationError
 
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.hardware.cameras import Frame
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
-from macor_hil.telemetry.schemas import Decision, Phase, State
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
 

@@ -3,7 +3,8 @@
 from collections import deque
 from itertools import accumulate, islice, takewhile
 
-from khepera_protocol.zenoh.payloads import MOST_TEXT, Wire, WireEntry
+from khepera_protocol.zenoh.payload_model import MOST_TEXT
+from khepera_protocol.zenoh.payloads import Wire, WireEntry
 
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.line.faults import Happening

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.keys import KEYS
 from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.schema import schema_of
 
@@ -19,7 +20,6 @@ from macor_hil.cli.paths import check_file
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.monitor.terminal import watch
 from macor_hil.safety.claim import claim
-from macor_hil.telemetry.keys import KEYS
 from macor_hil.telemetry.keys_page import keys_page
 from macor_hil.telemetry.session import open_session
 

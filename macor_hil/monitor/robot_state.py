@@ -5,20 +5,23 @@ from dataclasses import dataclass, field
 from math import hypot
 from typing import Final
 
-from khepera_protocol.zenoh.keys import EMULATOR
+from khepera_protocol.zenoh.controller_payloads import (
+    Decision,
+    Learned,
+    Link,
+    State,
+)
+from khepera_protocol.zenoh.keys import CAMERA, EMULATOR, FRAME, PAYLOADS
+from khepera_protocol.zenoh.payload_model import Payload, PayloadError
 from khepera_protocol.zenoh.payloads import (
     Outline,
-    Payload,
-    PayloadError,
     Pose,
     Truth,
     Wire,
     WireEntry,
 )
 
-from macor_hil.telemetry.feed import CAMERA, Arrival, Heard, Loss, NotTaken, Presence, Refusal
-from macor_hil.telemetry.keys import FRAME, PAYLOADS
-from macor_hil.telemetry.schemas import Decision, Learned, Link, State
+from macor_hil.telemetry.feed import Arrival, Heard, Loss, NotTaken, Presence, Refusal
 
 _RATE_OVER: Final = 12
 """Samples that a rate is taken over."""
@@ -228,7 +231,8 @@ class Watched:
 
     def _note(self, arrival: Arrival) -> None:
         now = arrival.received * _NS
-        if arrival.leaf == FRAME or (arrival.leaf == CAMERA and not self.controlled.alive):
+        own = arrival.leaf == CAMERA.leaf and not self.controlled.alive
+        if own or arrival.leaf == FRAME.leaf:
             self.see(arrival.data, now)
         elif kind := PAYLOADS.get((arrival.side, arrival.leaf)):
             self._read(kind.parse(arrival.data), now if arrival.live else None)

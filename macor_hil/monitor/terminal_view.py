@@ -6,13 +6,19 @@ from typing import Final
 from khepera_protocol.serial.commands import SENSORS
 from khepera_protocol.serial.units import PROXIMITY_FULL
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import (
+    Alternative,
+    Decision,
+    Link,
+    Phase,
+    State,
+)
 from rich.console import RenderableType
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
 from macor_hil.monitor.robot_state import Arrivals, Controlled, Emulated, Watched
-from macor_hil.telemetry.schemas import Alternative, Decision, Link, Phase, State
 
 _BAR_WIDTH: Final = 32
 _MOST_ALTERNATIVES: Final = 5

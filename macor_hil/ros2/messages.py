@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import Decision
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
@@ -18,7 +19,6 @@ from macor_hil.commands import COMMANDS
 from macor_hil.errors import TelemetryError
 from macor_hil.hardware.driver import DriveSettings
 from macor_hil.ros2.wire import Topic
-from macor_hil.telemetry.schemas import Decision
 
 ODOMETRY_FRAME: Final = "odom"
 BODY_FRAME: Final = "base_link"

@@ -17,6 +17,7 @@ from tempfile import TemporaryFile
 from typing import IO
 
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.payloads import (
     CONTROLLER_ENDPOINT,
     DEFAULT_ENDPOINT,
@@ -29,7 +30,6 @@ from macor_hil.errors import BenchError, MacorError
 from macor_hil.hardware.bench import Bench, ZenohBench
 from macor_hil.runs.service import ServiceConfig, serve
 from macor_hil.runs.trials import Trial
-from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 
 DEFAULT_SEED = 5

@@ -8,7 +8,13 @@ from typing import Any, Final, Self
 
 import numpy as np
 from khepera_protocol.validation import first_fault
-from khepera_protocol.zenoh.payloads import MOST_TEXT
+from khepera_protocol.zenoh.controller_payloads import (
+    Decision,
+    Odometry,
+    Phase,
+    State,
+)
+from khepera_protocol.zenoh.payload_model import MOST_TEXT
 from pydantic import ValidationError
 
 from macor_hil.errors import CameraError, MacorError, RobotError
@@ -30,7 +36,6 @@ from macor_hil.runs.trials import drive
 from macor_hil.safety.interruption import Interruption
 from macor_hil.safety.late_bell import LateBell
 from macor_hil.telemetry.publisher import Publisher, WatchedCamera
-from macor_hil.telemetry.schemas import Decision, Odometry, Phase, State
 from macor_hil.telemetry.steady_clock import SteadyClock
 
 _log = logging.getLogger(__name__)

@@ -4,12 +4,17 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
-from khepera_protocol.zenoh.keys import Key
-from khepera_protocol.zenoh.payloads import MOST_JSON, MOST_PICTURE, MOST_STAMP, Payload, Stamp
+from khepera_protocol.zenoh.keys import KEYS, Key
+from khepera_protocol.zenoh.payload_model import (
+    MOST_JSON,
+    MOST_PICTURE,
+    MOST_STAMP,
+    Payload,
+)
+from khepera_protocol.zenoh.payloads import Stamp
 from khepera_protocol.zenoh.schema import schema_of
 
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.keys import KEYS
 
 _HEAD: Final = """# Keys and payloads
 

@@ -9,8 +9,10 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
-from khepera_protocol.zenoh.payloads import MOST_JSON, PayloadError, Stamp
+from khepera_protocol.zenoh.controller_payloads import Decision, Learned
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, KEYS, PAYLOADS
+from khepera_protocol.zenoh.payload_model import MOST_JSON, PayloadError
+from khepera_protocol.zenoh.payloads import Stamp
 from khepera_protocol.zenoh.schema import schema_of
 from rich.console import Console
 from watching_helpers import BEGIN, a_picture
@@ -20,9 +22,7 @@ from macor_hil.monitor.robot_state import Watched
 from macor_hil.monitor.terminal_view import render
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival, Presence
-from macor_hil.telemetry.keys import KEYS, PAYLOADS
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
-from macor_hil.telemetry.schemas import Decision, Learned
 
 MODELS = sorted(EXAMPLES, key=lambda model: model.__name__)
 JSON_KEYS = sorted(PAYLOADS)

@@ -5,6 +5,7 @@ from math import cos, degrees, sin
 from typing import Final, NamedTuple
 
 from khepera_protocol.serial.units import BODY_RADIUS
+from khepera_protocol.zenoh.controller_payloads import Ahead, Command, Hypothesis
 from khepera_protocol.zenoh.payloads import Outline, Pose
 
 from macor_hil.monitor.dashboard.svg import (
@@ -19,7 +20,6 @@ from macor_hil.monitor.dashboard.svg import (
     rgb,
 )
 from macor_hil.monitor.robot_state import Watched
-from macor_hil.telemetry.schemas import Ahead, Command, Hypothesis
 
 _MOST_HYPOTHESES: Final = 12
 _MARGIN: Final = 0.02

@@ -5,6 +5,7 @@ from typing import Final
 
 from khepera_protocol.serial.commands import SENSOR_BEARINGS, SENSORS
 from khepera_protocol.serial.units import PROXIMITY_FULL
+from khepera_protocol.zenoh.controller_payloads import Decision, Learned
 
 from macor_hil.monitor.dashboard.svg import (
     BAD,
@@ -21,7 +22,6 @@ from macor_hil.monitor.dashboard.svg import (
     points,
     tip,
 )
-from macor_hil.telemetry.schemas import Decision, Learned
 
 _CELL: Final = 12.0
 _LEFT: Final = 62.0

@@ -7,6 +7,7 @@ from typing import Final
 
 import cv2
 from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.controller_payloads import Eye, Fields
 
 from macor_hil.arrays import Image
 from macor_hil.errors import CameraError
@@ -14,7 +15,6 @@ from macor_hil.hardware.cameras.decoding import check_picture, decode_picture
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.monitor.dashboard.svg import BEST, FAINT, drawing, element, heat, label, points, tip
 from macor_hil.monitor.robot_state import Watched
-from macor_hil.telemetry.schemas import Eye, Fields
 
 _SIZE: Final = PanoramaSize(columns=360, rows=80)
 _FIELD_ROWS: Final = 46

@@ -6,9 +6,9 @@ They are cleaned as for a terminal: what turns a text around or hides in it is s
 from typing import Final
 
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import Phase
 
 from macor_hil.monitor.robot_state import Arrivals, Watched
-from macor_hil.telemetry.schemas import Phase
 
 _LINES: Final = 12
 _LONGEST: Final = 200

@@ -16,10 +16,16 @@ from google.protobuf.message import Message
 from khepera_protocol.serial.commands import SENSOR_BEARINGS
 from khepera_protocol.serial.units import BODY_RADIUS, PROXIMITY_FULL
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import Outline, PayloadError, Pose, Truth, Wire
+from khepera_protocol.zenoh.controller_payloads import Decision
+from khepera_protocol.zenoh.payload_model import PayloadError
+from khepera_protocol.zenoh.payloads import (
+    Outline,
+    Pose,
+    Truth,
+    Wire,
+)
 
 from macor_hil.telemetry.feed import Arrival, Event
-from macor_hil.telemetry.schemas import Decision
 
 _ARENA: Final = "arena"
 _ODOMETRY: Final = "odometry"

@@ -7,19 +7,20 @@ be seen as it reads.
 from enum import StrEnum
 from typing import Annotated, Final
 
-from khepera_protocol.zenoh.payloads import (
+from pydantic import FailFast, Field
+
+from khepera_protocol.zenoh.payload_model import (
     Amount,
     Count,
     Integer,
     Name,
     Number,
     Payload,
-    Pose,
     Real,
     Text,
     Time,
 )
-from pydantic import FailFast, Field
+from khepera_protocol.zenoh.payloads import Pose
 
 MOST_COMMANDS: Final = 16
 MOST_AHEAD: Final = 4_096
