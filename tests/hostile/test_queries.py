@@ -20,8 +20,8 @@ from khepera_protocol.zenoh.payloads import Truth
 from khepera_emulator.app.side_channel import SideChannel
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.robot import emulator as emulator_module
 from khepera_emulator.robot.emulator import Emulator, Setup
-from khepera_emulator.robot.robot import emulator as emulator_module
 
 LEAVES = [key.leaf for key in EMULATOR_KEYS if key.leaf != "alive"]
 
