@@ -423,7 +423,7 @@ from khepera_emulator.arenas.arena import arena_names
 from khepera_emulator.app.cli import commands
 from khepera_emulator.app.cli import program
 from khepera_emulator.app import daemon
-from khepera_emulator.robot.robot import emulator
+from khepera_emulator.robot import emulator
 from khepera_emulator.app import side_channel
 from khepera_emulator import turrets
 arena_names()
