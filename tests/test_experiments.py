@@ -35,9 +35,9 @@ from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.figure3 import FIGURE3
 from macor_hil.experiments.figure4 import FIGURE4
 from macor_hil.experiments.report.blocks import Table
+from macor_hil.experiments.results import code_digest as sources
 from macor_hil.experiments.results.code_digest import bare_code, code_of, digest
 from macor_hil.experiments.results.store import ResultsFile, only_one
-from macor_hil.experiments.results.store import code_digest as sources
 from macor_hil.experiments.sweep.runner import COSTS, reproduce
 from macor_hil.experiments.table1 import FIGURE5, TABLE1
 from macor_hil.hardware.devices import open_hardware
@@ -293,6 +293,7 @@ REPORTS = {
     "macor_hil.experiments.report.blocks",
     "macor_hil.experiments.report.drawing",
     "macor_hil.experiments.report.statistics",
+    "macor_hil.monitor",
     "macor_hil.monitor.pictures",
 }
 """What experiments draw and tell with."""
@@ -390,11 +391,9 @@ def test_edits_lead_to_new_drives_and_results_where_they_decide_something(
         return digest(record, ["corridor"], uses), digest(TABLE1.trial, ["corridor"], uses)
 
     before = keys()
-    source = Path(sources.__file__).parents[2]
     for package in OURS:
-        shutil.copytree(
-            source / package, tmp_path / package, ignore=shutil.ignore_patterns("*.pyc")
-        )
+        source = sources._folder(package)
+        shutil.copytree(source, tmp_path / package, ignore=shutil.ignore_patterns("*.pyc"))
     monkeypatch.setattr(sources, "_folder", lambda package: tmp_path / package)
     assert keys() == before
     path = tmp_path / file

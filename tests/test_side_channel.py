@@ -225,7 +225,7 @@ class TestReset:
             ('{"pose": {"x": 0.3, "y": 0.12, "heading": 0}}', "no room for the robot at x=0.300 m"),
             ('{"pose": {"x": 0.3}}', "pose.y: Field required"),
             ('{"seed": -1}', "seed should be greater"),
-            ("[]", "the payload: Input should be"),
+            ("[]", "the payload should be"),
             ('{"pose": {"x": 1e8, "y": 0, "heading": 0}}', "x=1e+08 m, y=0 m is in no arena"),
             ('{"pose": {"x": 0, "y": -11, "heading": 0}}', "x=0 m, y=-11 m is in no arena"),
             ('{"pose": {"x": 0.3, "y": 0, "heading": 1e8}}', "the heading 1e+08 is no angle"),

@@ -20,6 +20,7 @@ from typing import Final, Self, TypeVar
 import cv2
 import zenoh
 from khepera_protocol.text import printable
+from khepera_protocol.validation import first_fault
 from khepera_protocol.zenoh.keys import (
     ARENA,
     CAMERA,
@@ -354,9 +355,7 @@ def _parse(kind: type[_P], request: bytes) -> _P:
     try:
         return kind.model_validate_json(request or b"{}")
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "the payload"
-        raise EmulatorError(f"{place}: {first['msg']}") from None
+        raise EmulatorError(first_fault(error, "the payload")) from None
 
 
 def _json(payload: Payload) -> Content:

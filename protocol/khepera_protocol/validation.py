@@ -11,9 +11,14 @@ _MOST: Final = 3
 """Faults that are told; with more of them, how many more there are."""
 
 
-def first_fault(error: ValidationError) -> str:
-    """Return the first thing that is wrong: the place and the reason."""
-    return _told(_faults(error)[0])
+def first_fault(error: ValidationError, whole: str = "") -> str:
+    """Return the first thing that is wrong: the place and the reason.
+
+    Args:
+        error: of pydantic.
+        whole: the place's name where all of it is wrong.
+    """
+    return _told(_faults(error)[0], whole)
 
 
 def problems(error: ValidationError) -> str:
@@ -28,8 +33,8 @@ def _faults(error: ValidationError) -> list[ErrorDetails]:
     return error.errors(include_url=False, include_context=False)
 
 
-def _told(fault: ErrorDetails) -> str:
-    place = printable(".".join(map(str, fault["loc"])), 100)
+def _told(fault: ErrorDetails, whole: str = "") -> str:
+    place = printable(".".join(map(str, fault["loc"])), 100) or whole
     reason = fault["msg"].removeprefix("Value error, ")
     if reason.startswith("Input "):
         given = fault["input"]
