@@ -25,7 +25,7 @@ from khepera_emulator.app.cli.program import run
 from khepera_emulator.app.daemon import Daemon, _Line
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.body.drift import PRESETS
-from khepera_emulator.clock import Clock
+from khepera_emulator.line.clock import Clock
 from khepera_emulator.line.uart import INTERPRETER_TIME
 from khepera_emulator.ports import tcp
 from khepera_emulator.ports.pty import PtyPort

@@ -368,7 +368,7 @@ def longer(name: str) -> Callable[[str], str]:
         ("macor_hil/experiments/figure2.py", longer("trial"), False, False),
         ("macor_hil/mind/clusterers/neural_gas.py", extended, False, False),
         ("macor_hil/monitor/pictures.py", extended, False, False),
-        ("macor_hil/ros2/bridge.py", extended, False, False),
+        ("macor_hil/telemetry/ros2/bridge.py", extended, False, False),
         ("macor_hil/telemetry/publisher.py", extended, False, False),
         ("macor_hil/monitor/terminal_view.py", extended, False, False),
         ("macor_hil/cli/learning.py", extended, False, False),

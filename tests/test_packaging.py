@@ -41,7 +41,7 @@ MAY_FAIL = {
     "macor_hil.environment": "gymnasium",
     "macor_hil.experiments": "experiments",
     "macor_hil.monitor.dashboard": "dashboard",
-    "macor_hil.ros2": "ros",
+    "macor_hil.telemetry.ros2": "ros",
     "macor_hil.telemetry.recordings.foxglove": "recording",
     "macor_hil.telemetry.recordings.mcap_file": "recording",
     "macor_hil.telemetry.recordings.recorder": "recording",

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from math import ceil
 
 from khepera_emulator.app.side_channel import SideChannel
-from khepera_emulator.clock import Clock, on_grid
+from khepera_emulator.line.clock import Clock, on_grid
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.line.wire_log import WireLog
 from khepera_emulator.line.wire_order import InOrder

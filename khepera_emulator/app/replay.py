@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol
 
 from serial import SerialBase
 
-from khepera_emulator.clock import Clock
+from khepera_emulator.line.clock import Clock
 from khepera_emulator.line.wire_log import Entry, Recording
 
 PATIENCE: Final = 2.0

@@ -39,8 +39,8 @@ from typing import Final
 
 from khepera_protocol.text import printable
 
-from khepera_emulator.clock import on_grid
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line.clock import on_grid
 
 
 class Direction(StrEnum):

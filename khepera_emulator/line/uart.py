@@ -14,9 +14,9 @@ from typing import Final
 from khepera_protocol.serial.framing import REQUEST_END, RequestSplitter
 from khepera_protocol.serial.units import wire_time
 
-from khepera_emulator.clock import GRID as GRID
-from khepera_emulator.clock import on_grid as on_grid
 from khepera_emulator.line import coding as line_coding
+from khepera_emulator.line.clock import GRID as GRID
+from khepera_emulator.line.clock import on_grid as on_grid
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.line.faults import Direction, Faults, Timed
 from khepera_emulator.line.timed_bytes import TimedBytes

@@ -37,7 +37,7 @@ from khepera_protocol.text import printable
 from serial import SerialBase, SerialException
 from serial.serialutil import PortNotOpenError
 
-from khepera_emulator.clock import on_grid
+from khepera_emulator.line.clock import on_grid
 from khepera_emulator.line.coding import LineFormat
 
 _REPEATABLE = ("fault", "turret", "firmware")

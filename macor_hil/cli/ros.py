@@ -22,5 +22,5 @@ def ros2(
     Pictures, odometry and commands; connect it to the controller, and to the nodes' router.
     """
     with extra("ros"):
-        from macor_hil.ros2.bridge import bridge
+        from macor_hil.telemetry.ros2.bridge import bridge
     bridge(robot, connect, domain, zenoh_config)

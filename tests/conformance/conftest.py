@@ -21,7 +21,7 @@ from emulator_process import emulator
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.app.daemon import Daemon
 from khepera_emulator.arenas.arena import load_arena
-from khepera_emulator.clock import Clock
+from khepera_emulator.line.clock import Clock
 from khepera_emulator.models import find_model
 from khepera_emulator.ports.rfc2217 import Rfc2217Port
 from khepera_emulator.ports.tcp import TcpPort

@@ -18,7 +18,7 @@ from macor_hil.hardware.cameras.files import ImagesCamera
 from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.monitor.dashboard import eyes
 from macor_hil.monitor.robot_state import Watched
-from macor_hil.ros2.bridge import Bridge
+from macor_hil.telemetry.ros2.bridge import Bridge
 from macor_hil.telemetry.session import open_session
 
 

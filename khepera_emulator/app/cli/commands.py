@@ -22,8 +22,8 @@ from khepera_emulator.arenas.arena import MOST_ROBOTS, Arena, arena_names, load_
 from khepera_emulator.arenas.arena_text import arena_text
 from khepera_emulator.body.drift import parse_drift
 from khepera_emulator.choices import option_names, parse_choices
-from khepera_emulator.clock import Clock
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line.clock import Clock
 from khepera_emulator.line.faults import MAX_SCRIPT, parse_faults, script_specs
 from khepera_emulator.line.wire_log import ROBOT, Recording, WireLog, read_log, robot_url
 from khepera_emulator.models import KHEPERA, MODELS, Model, find_model

@@ -18,7 +18,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import TelemetryError
 from macor_hil.hardware.driver import DriveSettings
-from macor_hil.ros2.wire import Topic
+from macor_hil.telemetry.ros2.wire import Topic
 
 ODOMETRY_FRAME: Final = "odom"
 BODY_FRAME: Final = "base_link"

@@ -18,10 +18,10 @@ from khepera_protocol.zenoh.payload_model import PayloadError
 
 from macor_hil.errors import TelemetryError, WrongPictureError
 from macor_hil.hardware.cameras.decoding import check_picture
-from macor_hil.ros2 import messages
-from macor_hil.ros2.wire import LAST_DOMAIN, Node, Topic, attachment, gid, namespace_of
 from macor_hil.telemetry.feed import Loss, NotTaken, Refusal
 from macor_hil.telemetry.inbox import Inbox
+from macor_hil.telemetry.ros2 import messages
+from macor_hil.telemetry.ros2.wire import LAST_DOMAIN, Node, Topic, attachment, gid, namespace_of
 from macor_hil.telemetry.sample_checks import check_sample, size_of
 from macor_hil.telemetry.session import check_robot_name, open_session
 
