@@ -65,7 +65,7 @@ _PARTS: Final[tuple[tuple[str, Part], ...]] = (
 
 
 class Drive(NamedTuple):
-    """What a drive showed, a value a decision, in seconds; its parts by name, all under ""."""
+    """The measurements of a drive, a value a decision, in seconds; parts by name, all under ""."""
 
     latencies: list[dict[str, float]]
     periods: list[float]
@@ -146,7 +146,7 @@ def main() -> None:
 
 
 def latency_figures(drives: dict[str, list[Drive]]) -> list[Figure]:
-    """A decision and its parts with nobody watching, then with others."""
+    """Measure a decision and its parts with nobody watching, then with others."""
     alone = [each for drive in drives["nobody"] for each in drive.latencies]
     whole = [each[""] for each in alone]
     figures = [
@@ -173,7 +173,7 @@ def latency_figures(drives: dict[str, list[Drive]]) -> list[Figure]:
 
 
 def watching_figures(drives: dict[str, list[Drive]]) -> list[Figure]:
-    """What a recorder and a dashboard add to a command, in the loop and beside it."""
+    """Measure what a recorder and a dashboard add to a command, in the loop and beside it."""
     alone, watched = drives["nobody"], drives["recorder and dashboard"]
     pairs = list(zip(alone, watched, strict=True))
     command = median(median(drive.periods) for drive in alone)
@@ -205,7 +205,7 @@ def _percent(part: float, whole: float) -> str:
 
 
 def _children() -> set[int]:
-    """Processes that this one started."""
+    """Return the processes that this one started."""
     tasks = Path("/proc/self/task").iterdir()
     return {int(pid) for task in tasks for pid in (task / "children").read_text().split()}
 

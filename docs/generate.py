@@ -20,7 +20,7 @@ _NARROW = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 
 
 def commands_page() -> str:
-    """The help of both programs and all of their commands."""
+    """Return the help of both programs and all of their commands."""
     lines = [
         "# The command lines",
         "",
@@ -41,7 +41,7 @@ def _help(program: str, *command: str) -> list[str]:
 
 
 def protocol_page() -> str:
-    """The table of serial commands."""
+    """Return the table of serial commands."""
     lines = [
         "# The serial protocol",
         "",
@@ -78,7 +78,7 @@ PAGES = {"keys.md": keys_page, "commands.md": commands_page, "protocol.md": prot
 
 
 def _fields(fields: tuple[Field, ...], *, asked: bool) -> str:
-    """Fields of a request or a reply; neighbours of the same range and unit together."""
+    """Describe the fields of a request or a reply, neighbours of one range and unit together."""
     groups = groupby(fields, key=lambda field: _details(field, asked=asked))
     return _cell(
         ", ".join(

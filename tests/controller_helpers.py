@@ -1,4 +1,4 @@
-"""What the tests of service, telemetry and monitor have in common."""
+"""Helpers of the tests of service, telemetry and monitor."""
 
 import time
 from contextlib import contextmanager

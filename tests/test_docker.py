@@ -45,7 +45,7 @@ def words(text):
 
 
 def is_command(program, arguments):
-    """Whether a program takes such arguments: unknown options are errors, not help."""
+    """Return whether a program takes such arguments: unknown options are errors, not help."""
     return CliRunner().invoke(APPS[program], [*arguments, "--help"]).exit_code == 0
 
 

@@ -34,7 +34,7 @@ from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.figure3 import FIGURE3
 from macor_hil.experiments.figure4 import FIGURE4
-from macor_hil.experiments.report.blocks import Table
+from macor_hil.experiments.report.elements import Table
 from macor_hil.experiments.results import code_digest as sources
 from macor_hil.experiments.results.code_digest import bare_code, code_of, digest
 from macor_hil.experiments.results.store import ResultsFile, only_one
@@ -290,13 +290,13 @@ OURS = ("khepera_protocol", "khepera_emulator", "macor_hil")
 REPORTS = {
     "macor_hil.experiments.experiment",
     "macor_hil.experiments.report",
-    "macor_hil.experiments.report.blocks",
+    "macor_hil.experiments.report.elements",
     "macor_hil.experiments.report.drawing",
     "macor_hil.experiments.report.statistics",
     "macor_hil.monitor",
     "macor_hil.monitor.pictures",
 }
-"""What experiments draw and tell with."""
+"""Modules that experiments draw and tell with."""
 
 
 def loaded_by(program: str) -> set[str]:

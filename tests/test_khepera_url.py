@@ -31,7 +31,7 @@ def ask(port, line: bytes) -> bytes:
 
 
 def session(port, reset: Reset | None = None) -> list[object]:
-    """What a program sees: bytes, times, pictures and poses, with times from the first reset."""
+    """Observations of a program: bytes, times, pictures and poses, from the first reset on."""
     emulator = port.emulator
     if reset is not None:
         emulator.reset(reset)

@@ -1,4 +1,4 @@
-"""What gets installed: the wheel holds all of the packages, and works without its extras."""
+"""Packaging: the wheel holds all of the packages, and works without its extras."""
 
 import json
 import re

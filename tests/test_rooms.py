@@ -27,7 +27,7 @@ IO = {
 """Modules that know files, lines, clocks, threads, a process or its terminal."""
 
 WITH_IO = {
-    "khepera_protocol.beginning": {"os", "signal", "sys"},
+    "khepera_protocol.startup": {"os", "signal", "sys"},
     "khepera_protocol.extras": {"sys", "urllib"},
     "khepera_protocol.options": {"pathlib", "typer"},
     "khepera_protocol.registry": {"pathlib", "sys"},

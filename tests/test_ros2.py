@@ -30,7 +30,7 @@ from mcap_ros2.decoder import DecoderFactory
 from macor_hil.errors import TelemetryError
 from macor_hil.telemetry.ros2 import messages
 from macor_hil.telemetry.ros2.bridge import Bridge
-from macor_hil.telemetry.ros2.wire import Node, Topic, attachment, gid, namespace_of
+from macor_hil.telemetry.ros2.rmw_zenoh import Node, Topic, attachment, gid, namespace_of
 
 # what the ROS 2 project publishes of its own demonstration nodes
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

@@ -39,7 +39,7 @@ def session(listen=(), connect=()):
 
 @pytest.fixture(scope="module")
 def endpoint():
-    """Where an emulator listens."""
+    """The endpoint of an emulator."""
     place = free_endpoint()
     with emulator(*("--listen", place, "--seed", "1", "--camera-rate", "50")):
         yield place

@@ -32,7 +32,7 @@ from pydantic import ValidationError
 
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.hardware.cameras import Frame
-from macor_hil.telemetry.publisher import Publisher, WatchedCamera
+from macor_hil.telemetry.publisher import Publisher, PublishingCamera
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
 
@@ -96,7 +96,7 @@ def test_a_watched_camera_publishes_what_it_gives():
 
     published = []
     camera = Camera()
-    watched = WatchedCamera(camera, published.append)
+    watched = PublishingCamera(camera, published.append)
     assert published == [watched.grab()]
     watched.close()
     assert camera.closed

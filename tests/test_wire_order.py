@@ -1,4 +1,4 @@
-"""What passes on a line is told in the order of its times, whenever it becomes known."""
+"""Order on a line: entries are told in the order of their times."""
 
 from hypothesis import given
 from hypothesis import strategies as st

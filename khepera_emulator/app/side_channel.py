@@ -1,4 +1,4 @@
-"""Camera, ground truth and reset of an emulated robot over Zenoh: what never goes on the line.
+"""Camera, ground truth and reset of an emulated robot over Zenoh, which never go on the line.
 
 So do the bytes on the line themselves, for those who watch it.
 
@@ -146,16 +146,16 @@ class SideChannel:
         self._stack.close()
 
     def listening(self, log: WireLog | None) -> WireTap:
-        """What the daemon tells of the line, to be published; and to be written down in a log."""
+        """Return the listener on the line: what it hears is published, and written to a log."""
         self._tap.log = log
         return self._tap
 
     def fileno(self) -> int:
-        """Descriptor that becomes readable when a query has come."""
+        """Return the descriptor that becomes readable when a query has come."""
         return self._wake.fileno()
 
     def delay(self) -> float:
-        """Real seconds until `serve` is due; 0 when it is."""
+        """Return the real seconds until `serve` is due; 0 when it is."""
         if self._waiting:
             return 0.0
         return max(0.0, min(stream.next for stream in self._streams) - time.monotonic())

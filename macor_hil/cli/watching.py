@@ -104,16 +104,15 @@ def replay(
     """Publish a recording again, with its times: every monitor works on it."""
     with extra("recording"):
         from macor_hil.telemetry.recordings.recording import play_recording
-    from macor_hil.telemetry.recordings.player import Stage
-    from macor_hil.telemetry.recordings.player import replay as play
+    from macor_hil.telemetry.recordings.player import Player, play
 
     name, events = play_recording(file)
     with (
         open_session(listen, [], zenoh_config) as session,
-        Stage(session, robot or name) as stage,
-        kept(lambda: f"{stage.shown} events were published; the same command begins anew"),
+        Player(session, robot or name) as player,
+        kept(lambda: f"{player.published} events were published; the same command begins anew"),
     ):
-        count = play(events, stage, speed)
+        count = play(events, player, speed)
     typer.echo(f"{file}: {count} events of {printable(name)}")
 
 
@@ -136,21 +135,21 @@ def dashboard(
     """
     with extra("dashboard"):
         from macor_hil.monitor.dashboard.app import serve
-    from macor_hil.monitor.dashboard.sources import Live, Player
-    from macor_hil.monitor.follower import Watcher
+    from macor_hil.monitor.dashboard.sources import LiveSource, RecordingSource
+    from macor_hil.monitor.follower import Follower
 
     with ExitStack() as stack:
-        open_source: Callable[[], Live | Player]
+        open_source: Callable[[], LiveSource | RecordingSource]
         poll = None
         if file is None:
             session = stack.enter_context(open_session([], connect, zenoh_config))
-            live = Live(stack.enter_context(Watcher(session, robot, camera=True)))
+            live = LiveSource(stack.enter_context(Follower(session, robot, camera=True)))
             open_source, poll = lambda: live, live.poll
         else:
             with extra("recording"):
                 from macor_hil.telemetry.recordings.recording import read_recording
             name, events = read_recording(file)
-            open_source = partial(Player, printable(name, 100), events)
+            open_source = partial(RecordingSource, printable(name, 100), events)
         _check_free(port)
         serve(open_source, port, lambda: typer.echo(f"http://127.0.0.1:{port}"), poll)
 

@@ -35,7 +35,7 @@ from macor_hil.runs.service_config import Ending, ServiceConfig
 from macor_hil.runs.trials import drive
 from macor_hil.safety.interruption import Interruption
 from macor_hil.safety.late_bell import LateBell
-from macor_hil.telemetry.publisher import Publisher, WatchedCamera
+from macor_hil.telemetry.publisher import Publisher, PublishingCamera
 from macor_hil.telemetry.steady_clock import SteadyClock
 
 _log = logging.getLogger(__name__)
@@ -200,7 +200,7 @@ class LiveRun:
         return LateBell(limit, ring)
 
     def _watched(self, camera: Camera) -> Camera:
-        return WatchedCamera(camera, self._publisher.frame) if self._publisher else camera
+        return PublishingCamera(camera, self._publisher.frame) if self._publisher else camera
 
     def _tell_map(self, brain: Brain) -> None:
         self._time = self._clock()

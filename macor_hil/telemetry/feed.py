@@ -1,4 +1,4 @@
-"""Everything that is told of a robot, as one stream of events; for monitors and recorders.
+"""All published data of a robot as one stream of events; for monitors and recorders.
 
 Zenoh calls back in threads of its own; they only put what came into an inbox, which is bounded.
 Everything else happens in the thread that takes the events.
@@ -42,12 +42,12 @@ _QUERIED: Final = {
     EMULATOR: (ARENA, TRUTH),
     CONTROLLER: (MAP, STATE, DECISION, LINK),
 }
-"""What to ask whoever appears for, in this order."""
+"""The keys that a side is queried for when it appears, in this order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """Emulator or controller (the side) has appeared, or gone, at a time of the wall clock (ns)."""
+    """The appearance of a side, or its end, at a time of the wall clock (ns)."""
 
     side: str
     alive: bool
@@ -56,7 +56,7 @@ class Presence:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A sample has come.
+    """The arrival of a sample.
 
     Attributes:
         side, leaf: first and last part of its key.
@@ -78,7 +78,7 @@ class Arrival:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A sample came that is none of a robot's: of which leaf, why not, and when (ns)."""
+    """A sample that was refused: the leaf of its key, the reason, and the time (ns)."""
 
     leaf: str
     reason: str
@@ -87,7 +87,7 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """So many samples came faster than they were taken, and were left out, until a time (ns)."""
+    """A number of samples, until a time (ns), that came faster than they were taken."""
 
     count: int
     received: int
@@ -95,7 +95,7 @@ class Loss:
 
 @dataclass
 class NotTaken:
-    """Counts samples that were not taken, for those who are to know.
+    """Counts of samples that were not taken.
 
     Attributes:
         refused: samples that were none of a robot's, or could not be read.
@@ -123,14 +123,14 @@ class NotTaken:
 
 
 Event = Presence | Arrival
-"""What is known of a robot; recordings hold nothing else."""
+"""An event of a robot; recordings hold nothing else."""
 
 Heard = Event | Refusal | Loss
-"""What a feed gives."""
+"""An event, or a sample that was not taken."""
 
 
 class Feed:
-    """Follows one robot; use as a context.
+    """A subscriber of all keys of one robot; use as a context.
 
     Args:
         session: an open session, which stays its owner's.

@@ -48,7 +48,7 @@ Schema of the key's payload (`application/schema+json`); `macor-hil keys decisio
 
 
 def keys_page() -> str:
-    """The whole page, in Markdown."""
+    """Return the whole page, in Markdown."""
     parts = [_HEAD, *_payload(Stamp), _QUERIES, _table()]
     described: set[type[Payload]] = set()
     for key in KEYS:
@@ -140,7 +140,7 @@ def _number(value: float) -> str:
 
 
 def _wrapped(text: str, width: int = 100) -> str:
-    """JSON text in lines, broken after commas."""
+    """Return a JSON text in lines, broken after commas."""
     lines, line = [], ""
     for part in text.replace(",", ",\0").split("\0"):
         if len(line) + len(part) > width:

@@ -36,7 +36,7 @@ from khepera_protocol.zenoh.sample import (
 
 from macor_hil.errors import TelemetryError
 from macor_hil.hardware.cameras import Camera, Frame
-from macor_hil.telemetry.sender import Outbox
+from macor_hil.telemetry.sender import Sender
 from macor_hil.telemetry.session import check_robot_name
 
 _P = TypeVar("_P", bound=Payload)
@@ -64,7 +64,7 @@ class Publisher:
             alive = session.liveliness().declare_token(CONTROLLER_ALIVE.of(robot))
             stack.enter_context(alive)
             # the last one, and so the first to end: what it has left still goes out
-            self._outbox = stack.enter_context(Outbox())
+            self._sender = stack.enter_context(Sender())
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -74,36 +74,36 @@ class Publisher:
         self._stack.close()
 
     def check(self) -> None:
-        """See that what is published goes out; for who drives.
+        """Check that samples still go out; for the loop that drives.
 
         Raises:
             TelemetryError: the thread that sends it has ended.
         """
-        self._outbox.check()
+        self._sender.check()
 
     def frame(self, frame: Frame) -> None:
         """Publish a mirror image as JPEG, if anyone listens."""
-        self._outbox.carry_out(lambda: self._frames.put(frame))
+        self._sender.carry_out(lambda: self._frames.put(frame))
 
     def decision(self, decision: Decision) -> None:
         """Publish a decision."""
-        self._outbox.carry_out(self._decisions.prepared(decision, decision.time))
+        self._sender.carry_out(self._decisions.prepared(decision, decision.time))
 
     def learned(self, learned: Learned, time: float) -> None:
         """Publish what a run drives by, as of a time in seconds on the robot's clock."""
-        self._outbox.carry_out(self._maps.prepared(learned, time))
+        self._sender.carry_out(self._maps.prepared(learned, time))
 
     def link(self, link: Link) -> None:
         """Publish how the serial line does."""
-        self._outbox.carry_out(self._links.prepared(link, link.time))
+        self._sender.carry_out(self._links.prepared(link, link.time))
 
     def state(self, state: State, time: float) -> None:
         """Publish the controller's state, as of a time in seconds on the robot's clock."""
-        self._outbox.carry_out(self._states.prepared(state, time))
+        self._sender.carry_out(self._states.prepared(state, time))
 
 
-class WatchedCamera:
-    """A camera whose pictures are published as they are taken."""
+class PublishingCamera:
+    """A camera that publishes its pictures as they are taken."""
 
     def __init__(self, camera: Camera, publish: Callable[[Frame], None]) -> None:
         self.live = camera.live
@@ -111,7 +111,7 @@ class WatchedCamera:
         self._publish = publish
 
     def grab(self) -> Frame:
-        """A picture of this moment."""
+        """Take a picture of this moment, and publish it."""
         frame = self._camera.grab()
         self._publish(frame)
         return frame

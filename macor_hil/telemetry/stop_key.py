@@ -1,4 +1,4 @@
-"""The stop key `macor/<robot>/stop`: whoever reaches it may end a run, if the run allows it.
+"""The stop key `macor/<robot>/stop`: ends a run that allows it.
 
 Only what names the key itself and holds a `Stop` counts: a query or a sample for all keys
 (`macor/**`, `**`) is a look, and ends nothing.
@@ -25,7 +25,7 @@ _REQUEST: Final = Stop(stop=True).model_dump_json()
 
 
 class StopKey:
-    """Listens on the stop key of one robot; use as a context.
+    """The stop key of one robot; use as a context.
 
     Args:
         session: an open session, which stays its owner's.

@@ -36,7 +36,7 @@ class OptionError(ValueError):
 
 @dataclass(frozen=True)
 class Cli:
-    """How an option looks on the command line, where its field does not say it.
+    """The look of an option on the command line, where its field does not say it.
 
     Attributes:
         flags: such as `--map`; none: the field's name with dashes.

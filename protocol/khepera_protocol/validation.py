@@ -1,4 +1,4 @@
-"""What is wrong with values from outside, in one line that a terminal can show."""
+"""Faults of values from outside, in one line that a terminal can show."""
 
 from typing import Final
 

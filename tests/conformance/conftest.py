@@ -60,7 +60,7 @@ class Client:
         return self.line()
 
     def silence(self, seconds=0.05):
-        """What comes without being waited for."""
+        """Return what comes without being waited for."""
         self.port.timeout = seconds
         try:
             return self.read(1000)
@@ -69,7 +69,7 @@ class Client:
 
 
 class Place:
-    """Where a robot is.
+    """The place of a robot.
 
     Attributes:
         kind: pty, socket, rfc2217, khepera (in-process) or hardware.

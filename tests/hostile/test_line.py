@@ -334,7 +334,7 @@ def connected(port):
 
 
 class TestConnections:
-    """What clients of TCP and RFC 2217 send, and how they leave."""
+    """Data that clients of TCP and RFC 2217 send, and how they leave."""
 
     sent = st.lists(
         st.one_of(
@@ -420,11 +420,11 @@ ACTS = {
     "told": lambda port, _: port.write(b"n,1\r\n\x13\x03\x04"),
     "look": lambda port, _: port.receive(256),
 }
-"""What a client does, and what happens meanwhile."""
+"""Actions of a client, and events meanwhile."""
 
 
 class TestTerminals:
-    """What clients do to a pseudo-terminal, and leave behind."""
+    """Actions of clients on a pseudo-terminal, and what they leave behind."""
 
     def test_do_not_keep_the_line_from_the_next(self, hostile, tmp_path):
         acts = st.sampled_from(list(ACTS)) | st.binary(max_size=20)

@@ -18,7 +18,7 @@ from rich.console import Console
 from watching_helpers import BEGIN, a_picture
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts
-from macor_hil.monitor.robot_state import Watched
+from macor_hil.monitor.robot_state import RobotState
 from macor_hil.monitor.terminal_view import render
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival, Presence
@@ -262,7 +262,7 @@ def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(hostile, tmp_path):
     @settings(max_examples=hostile.examples(30))
     @given(moments)
     def shown(samples):
-        watched = Watched("khepera")
+        watched = RobotState("khepera")
         events = [Presence(EMULATOR, True, BEGIN), Presence(CONTROLLER, True, BEGIN)]
         events += [arrival(key, written(value)) for key, value in samples]
         hostile.count("payloads", len(samples))
@@ -288,7 +288,7 @@ def test_whatever_comes_on_any_key_ends_nobody(hostile, tmp_path):
     @settings(max_examples=hostile.examples(30))
     @given(st.lists(st.sampled_from(keys).flatmap(of), min_size=1, max_size=4))
     def survived(samples):
-        watched = Watched("khepera")
+        watched = RobotState("khepera")
         hostile.count("payloads", len(samples))
         with Recorder(tmp_path / "x.mcap", "khepera") as recorder:
             for key, data in samples:

@@ -1,4 +1,4 @@
-"""What Foxglove draws by itself, made from what was told of a robot: its well-known messages.
+"""Messages that Foxglove draws by itself, made from a robot's events.
 
 Frames: `arena` is the arena's, `odometry` begins where a run does, `robot` goes with the robot.
 """
@@ -36,7 +36,7 @@ _LOG_LEVELS: Final = {"fault": Log.WARNING}
 
 
 def drawings(event: Event) -> Iterator[tuple[str, Message]]:
-    """Messages that show an event, each with the last part of its topic."""
+    """Yield messages that show an event, each with the last part of its topic."""
     if not isinstance(event, Arrival):
         return
     try:

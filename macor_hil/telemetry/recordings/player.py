@@ -21,9 +21,9 @@ from macor_hil.telemetry.session import check_robot_name
 _NS: Final = 1e-9
 
 
-def replay(
+def play(
     events: Iterable[Event],
-    stage: "Stage",
+    player: "Player",
     speed: float = 1.0,
     *,
     clock: Callable[[], float] = time.monotonic,
@@ -33,7 +33,7 @@ def replay(
 
     Args:
         events: what was recorded, in its order; taken one by one.
-        stage: where to.
+        player: where to.
         speed: how many times faster.
         clock: seconds.
         sleep: waits for so many of them.
@@ -44,20 +44,20 @@ def replay(
         due = begin + (event.received - first) * _NS / speed
         if (left := due - clock()) > 0.0:
             sleep(left)
-        stage.show(event)
+        player.publish(event)
         count += 1
     return count
 
 
-class Stage:
-    """Publishes events as those whom they came from did; use as a context.
+class Player:
+    """A publisher of recorded events in the place of emulator and controller; use as a context.
 
     Args:
         session: an open session, which stays its owner's.
         robot: the robot's name in the keys.
 
     Attributes:
-        shown: how many events have happened.
+        published: how many events have happened.
 
     Raises:
         TelemetryError: the name cannot be part of a key.
@@ -65,7 +65,7 @@ class Stage:
 
     def __init__(self, session: zenoh.Session, robot: str) -> None:
         check_robot_name(robot)
-        self.shown = 0
+        self.published = 0
         self._session = session
         self._robot = robot
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
@@ -75,8 +75,8 @@ class Stage:
                 for place, key in KEYS_BY_PLACE.items()
                 if key.published or key.payload
             }
-            for played in self._keys.values():
-                stack.callback(played.close)
+            for key_publisher in self._keys.values():
+                stack.callback(key_publisher.close)
             stack.callback(self._go)
             self._stack = stack.pop_all()
 
@@ -86,9 +86,9 @@ class Stage:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def show(self, event: Event) -> None:
-        """Let an event happen now."""
-        self.shown += 1
+    def publish(self, event: Event) -> None:
+        """Publish an event now."""
+        self.published += 1
         if isinstance(event, Presence):
             self._appear(event)
             return

@@ -1,4 +1,4 @@
-"""Recordings: what was told of a robot, as an MCAP file that other tools open, too.
+"""Recordings: the events of a robot as an MCAP file, which other tools open, too.
 
 Samples are kept as they came, under their keys as topics: JSON with its schema, pictures as
 `foxglove.CompressedImage`. A message's log time is when it came, its publish time is the stamp's,
@@ -57,13 +57,13 @@ _MOST_MEMORY: Final = 2048 * MIB
 
 
 class Alive(Payload):
-    """Whether a side is there; in recordings only, for its liveliness token."""
+    """The presence of a side; in recordings only, for its liveliness token."""
 
     alive: bool
 
 
 class Recorder:
-    """Writes events to a file; use as a context.
+    """A writer of events to a file; use as a context.
 
     Args:
         path: the file; one that is there is replaced.
@@ -238,7 +238,7 @@ def read_recording(path: Path, most: int = _MOST_MEMORY) -> tuple[str, list[Even
 
 
 class _LeftOut:
-    """Counts what of a recording cannot be used."""
+    """A count of what of a recording cannot be used."""
 
     def __init__(self) -> None:
         self._count = 0

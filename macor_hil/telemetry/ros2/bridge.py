@@ -1,4 +1,4 @@
-"""The bridge: a subscriber of a controller that is a ROS 2 node on its other side.
+"""The bridge: a subscriber of a controller, and a ROS 2 node on its other side.
 
 It is a process of its own, so that nothing of it is in the controller's loop. Zenoh calls back in
 threads of its own; they only put what came on a queue.
@@ -21,7 +21,14 @@ from macor_hil.hardware.cameras.decoding import check_picture
 from macor_hil.telemetry.feed import Loss, NotTaken, Refusal
 from macor_hil.telemetry.inbox import Inbox
 from macor_hil.telemetry.ros2 import messages
-from macor_hil.telemetry.ros2.wire import LAST_DOMAIN, Node, Topic, attachment, gid, namespace_of
+from macor_hil.telemetry.ros2.rmw_zenoh import (
+    LAST_DOMAIN,
+    Node,
+    Topic,
+    attachment,
+    gid,
+    namespace_of,
+)
 from macor_hil.telemetry.sample_checks import check_sample, size_of
 from macor_hil.telemetry.session import check_robot_name, open_session
 
@@ -58,7 +65,7 @@ def bridge(robot: str, connect: Sequence[str], domain: int = 0, config: Path | N
 
 
 class Bridge:
-    """Forwards one robot's samples to ROS 2; use as a context.
+    """A bridge from one robot's samples to ROS 2; use as a context.
 
     Args:
         session: an open session, which stays its owner's.

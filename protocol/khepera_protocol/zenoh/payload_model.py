@@ -41,7 +41,7 @@ Time = Annotated[float, Field(ge=0.0, le=1e10)]
 """Seconds, to the year 2286; as nanoseconds they fit into 64 bits."""
 
 Integer = Annotated[int, Field(ge=-(2**53) + 1, le=2**53 - 1)]
-"""What every reader of JSON can hold."""
+"""An integer that every reader of JSON can hold."""
 
 Count = Annotated[int, Field(ge=0, le=2**53 - 1)]
 Number = Annotated[int, Field(ge=0, le=2**32 - 1)]
@@ -79,7 +79,7 @@ Point = Annotated[
 
 
 class PayloadError(ValueError):
-    """What came is not what its key promises; the message says why, fit for a terminal."""
+    """A payload that is not what its key promises; the message says why, fit for a terminal."""
 
 
 class Payload(BaseModel):

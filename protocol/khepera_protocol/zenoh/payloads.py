@@ -22,10 +22,10 @@ from khepera_protocol.zenoh.payload_model import (
 )
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-"""Where the emulator listens for Zenoh peers: on this machine only."""
+"""The emulator's Zenoh endpoint: on this machine only."""
 
 CONTROLLER_ENDPOINT = "tcp/127.0.0.1:7448"
-"""Where the controller listens for Zenoh peers: on this machine only."""
+"""The controller's Zenoh endpoint: on this machine only."""
 
 MOST_SOLIDS: Final = 2_000
 """Solids of an outline."""
@@ -39,7 +39,7 @@ class Stamp(Payload):
 
 
 class Pose(Payload):
-    """Where a robot is: x forward at heading 0, y to its left, counter-clockwise positive."""
+    """The pose of a robot: x forward at heading 0, y to its left, counter-clockwise positive."""
 
     x: Real = Field(description="metres")
     y: Real = Field(description="metres")
@@ -47,7 +47,7 @@ class Pose(Payload):
 
 
 class WheelDrift(Payload):
-    """What the encoders do not see, as drawn for one emulated robot."""
+    """The drift that encoders do not see, as drawn for one emulated robot."""
 
     left_scale: Real = Field(description="true way of the left wheel over the counted way")
     right_scale: Real = Field(description="true way of the right wheel over the counted way")
@@ -67,7 +67,7 @@ class Truth(Payload):
 
 
 class Reset(Payload):
-    """Put an emulated robot somewhere, powered on afresh. Nothing given: its start pose."""
+    """A place for an emulated robot, which is powered on afresh. Nothing given: its start pose."""
 
     pose: Pose | None = Field(default=None, description="where to; absent: see random")
     random: bool = Field(default=False, description="a free place drawn from the robot's seed")
@@ -96,7 +96,7 @@ class Outline(Payload):
 
 
 class WireEntry(Payload):
-    """Something that happened on a serial line, as in a wire log."""
+    """An event on a serial line, as in a wire log."""
 
     time: Time = Field(description="seconds of simulated time")
     what: Name = Field(description="request, reply, close, line or fault")
@@ -107,7 +107,7 @@ class WireEntry(Payload):
 
 
 class Wire(Payload):
-    """What passed on a robot's serial line of late."""
+    """The latest entries of a robot's serial line."""
 
     first: Count = Field(description="number of the first entry; a gap: entries were lost")
     entries: Annotated[list[WireEntry], FailFast()] = Field(max_length=4096)
@@ -120,7 +120,7 @@ class Stop(Payload):
 
 
 class CameraQuery(Payload):
-    """What a query on the camera key asks for."""
+    """The picture that a query on the camera key asks for."""
 
     view: str = Field(default="mirror", pattern="^(mirror|panorama)$")
     encoding: str = Field(default="png", pattern="^(png|jpeg)$")

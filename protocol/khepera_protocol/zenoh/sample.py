@@ -108,7 +108,7 @@ class SamplePublisher:
 
     @property
     def heard(self) -> bool:
-        """Whether anyone subscribes to the key."""
+        """True while anyone subscribes to the key."""
         # the library's type stub says bool; it is an object, and as such always true
         return cast(zenoh.MatchingStatus, self._publisher.matching_status).matching
 

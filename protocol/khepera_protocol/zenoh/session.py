@@ -19,7 +19,7 @@ import zenoh
 
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.config import MOST_MESSAGE, zenoh_config
-from khepera_protocol.zenoh.trouble import TLS, Tls, reason_of_silence
+from khepera_protocol.zenoh.diagnosis import TLS, Tls, reason_of_silence
 
 _log = logging.getLogger(__name__)
 
