@@ -34,8 +34,7 @@ from khepera_protocol.zenoh.session import EndpointInUseError, SessionError, ope
 from pydantic import ValidationError
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.recent_entries import WireTap
-from khepera_emulator.line.wire_log import WireLog
+from khepera_emulator.line.wire_tap import WireTap
 from khepera_emulator.ports.bell import Bell
 from khepera_emulator.robot.emulator import Emulator
 
@@ -83,6 +82,9 @@ class SideChannel:
         looking: offer the arena and the truth alone: nothing that could change what happens, as a
             reset or another picture with noise of its own would.
 
+    Attributes:
+        tap: is told what passes on the line, to be published.
+
     Raises:
         EmulatorError: an endpoint is malformed or already in use.
     """
@@ -108,8 +110,8 @@ class SideChannel:
                 else stack.enter_context(open_zenoh(listen, connect, config))
             )
             session = self._session
-            self._tap = WireTap()
-            answers = {**_ANSWERS, "wire": lambda _, __: _json(self._tap.since(0))}
+            self.tap = WireTap()
+            answers = {**_ANSWERS, "wire": lambda _, __: _json(self.tap.since(0))}
             offered = _HARMLESS if looking else {*answers}
             for key in EMULATOR_KEYS:
                 if key.leaf in offered:
@@ -124,7 +126,7 @@ class SideChannel:
                 for leaf, rate, answer, request in (
                     ("camera", camera_rate, _camera, _JPEG_FRAME),
                     ("truth", TRUTH_RATE, _truth, b""),
-                    ("wire", WIRE_RATE, _fresh_entries(self._tap), b""),
+                    ("wire", WIRE_RATE, _fresh_entries(self.tap), b""),
                 )
                 if leaf in offered
             ]
@@ -139,11 +141,6 @@ class SideChannel:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
-
-    def listening(self, log: WireLog | None) -> WireTap:
-        """What the daemon tells of the line, to be published; and to be written down in a log."""
-        self._tap.log = log
-        return self._tap
 
     def fileno(self) -> int:
         """Descriptor that becomes readable when a query has come."""
