@@ -26,7 +26,7 @@ from khepera_protocol.zenoh.payloads import (
 from khepera_emulator.app.side_channel import SideChannel
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.recent_entries import MOST_ENTRIES, WireTap
+from khepera_emulator.line.wire_tap import MOST_ENTRIES, WireTap
 
 START = load_arena("corridor").start
 

@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.faults import Direction, Happening
-from khepera_emulator.line.recent_entries import WireTap
+from khepera_emulator.line.fault import Direction, Happening
 from khepera_emulator.line.wire_order import InOrder
+from khepera_emulator.line.wire_tap import WireTap
 
 
 def told(tap):

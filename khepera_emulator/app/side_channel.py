@@ -39,8 +39,7 @@ from khepera_protocol.zenoh.session import open_session
 from pydantic import ValidationError
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.recent_entries import WireTap
-from khepera_emulator.line.wire_log import WireLog
+from khepera_emulator.line.wire_tap import WireTap
 from khepera_emulator.ports.bell import Bell
 from khepera_emulator.robot.emulator import Emulator
 
@@ -88,6 +87,9 @@ class SideChannel:
         looking: offer the arena and the truth alone: nothing that could change what happens, as a
             reset or another picture with noise of its own would.
 
+    Attributes:
+        tap: is told what passes on the line, to be published.
+
     Raises:
         EmulatorError: an endpoint is malformed or already in use.
     """
@@ -113,8 +115,8 @@ class SideChannel:
                 else stack.enter_context(open_zenoh(listen, connect, config))
             )
             session = self._session
-            self._tap = WireTap()
-            answers = {**_ANSWERS, WIRE: lambda _, __: _json(self._tap.since(0))}
+            self.tap = WireTap()
+            answers = {**_ANSWERS, WIRE: lambda _, __: _json(self.tap.since(0))}
             offered = _HARMLESS if looking else {*answers}
             for key in EMULATOR_KEYS:
                 if key in offered:
@@ -129,7 +131,7 @@ class SideChannel:
                 for key, rate, content in (
                     (CAMERA, camera_rate, lambda emulator: _camera(emulator, _JPEG_FRAME)),
                     (TRUTH, TRUTH_RATE, lambda emulator: _json(emulator.truth())),
-                    (WIRE, WIRE_RATE, _fresh_entries(self._tap)),
+                    (WIRE, WIRE_RATE, _fresh_entries(self.tap)),
                 )
                 if key in offered
             ]
@@ -144,11 +146,6 @@ class SideChannel:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
-
-    def listening(self, log: WireLog | None) -> WireTap:
-        """Return the listener on the line: what it hears is published, and written to a log."""
-        self._tap.log = log
-        return self._tap
 
     def fileno(self) -> int:
         """Return the descriptor that becomes readable when a query has come."""

@@ -152,7 +152,8 @@ def served(kind, model):
     make = TcpPort if kind == "socket" else Rfc2217Port
     port = make("127.0.0.1:0")
     emulator = Emulator(Setup(load_arena("corridor"), model=find_model(model), baud=None))
-    daemon = Daemon(emulator, port, Clock(), follow_rate=False)
+    daemon = Daemon(emulator, Clock())
+    daemon.add(emulator, port, follow_rate=False)
     thread = threading.Thread(target=daemon.run)
     thread.start()
     try:
