@@ -5,7 +5,7 @@ from typing import Final
 
 import zenoh
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import Stamp
+from khepera_protocol.zenoh.payloads import Stamp, robot_key
 from pydantic import ValidationError
 
 from macor_hil.arrays import Image
@@ -24,6 +24,11 @@ _LONGEST_STAMP: Final = 1000
 _LONGEST_REASON: Final = 200
 _TIMEOUT: Final = b"Timeout"
 """What Zenoh says in the name of a source that has not answered in time."""
+
+
+def open_zenoh_camera(session: zenoh.Session, robot: str, source: str = "") -> "ZenohCamera":
+    """Open the camera on a Zenoh key, or without one the emulator's camera of a robot."""
+    return ZenohCamera(session, source or robot_key(robot, "camera"))
 
 
 class ZenohCamera:
