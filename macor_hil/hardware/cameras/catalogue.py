@@ -121,17 +121,21 @@ class CameraAddress:
             raise CameraError(f"unknown camera {printable(str(self), 200)!r}; give {_all_kinds()}")
         if "session" in wanted and session is None:
             raise CameraError(f"the camera {str(self)!r} needs Zenoh, which is switched off")
-        given = {"port": port, "session": session, "robot": robot}
-        if self.source:
-            given["source"] = self.source
-        camera: Camera = make(**{name: given[name] for name in given if name in wanted})
-        return camera
+        return make_camera(make, self.source, port=port, session=session, robot=robot)
 
     def _load(self) -> Any:
         try:
             return CAMERAS.find(self.kind)
         except RegistryError as error:
             raise CameraError(str(error)) from error
+
+
+def make_camera(make: Any, source: str, **given: Any) -> Camera:
+    """Make a camera with those keywords that its constructor has; no source: its own default."""
+    wanted = signature(make).parameters
+    values = {**given, "source": source} if source else given
+    camera: Camera = make(**{name: values[name] for name in values if name in wanted})
+    return camera
 
 
 def open_camera(
