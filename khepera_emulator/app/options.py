@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from khepera_protocol.options import Cli
 from khepera_protocol.text import quoted
-from khepera_protocol.zenoh.payloads import DEFAULT_ENDPOINT
+from khepera_protocol.zenoh.config import DEFAULT_ENDPOINT
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 _ROBOT: Final = re.compile(r"[A-Za-z0-9_.-]{1,64}")
