@@ -22,7 +22,7 @@ from stopwatch import Part
 from timeline import Timeline
 from watching import Recording, recorder_and_dashboard, subscribers
 
-import macor_hil.runs.live_run
+import macor_hil.runs.run_reporter
 from macor_hil.hardware.bench import ZenohBench
 from macor_hil.hardware.cameras.checks import CheckedCamera
 from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
@@ -35,7 +35,8 @@ from macor_hil.mind.planners.expected import Expected
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.checkpoints import train_map
 from macor_hil.runs.demo import DemoSettings, emulator_process
-from macor_hil.runs.service import ServiceConfig, serve
+from macor_hil.runs.live_run import serve
+from macor_hil.runs.options import RunOptions
 from macor_hil.runs.training import Schedule
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
@@ -57,8 +58,8 @@ _PARTS: Final[tuple[tuple[str, Part], ...]] = (
     ("situation: Fuzzy ART, memberships", (Brain, "recognise")),
     ("situation: Fuzzy ART, memberships", (Brain, "memberships")),
     *((_TELLING, (Publisher, name)) for name in ("frame", "decision", "link", "state")),
-    (_TELLING, (macor_hil.runs.live_run, "decision_of")),
-    (_TELLING, (macor_hil.runs.live_run, "link_of")),
+    (_TELLING, (macor_hil.runs.run_reporter, "decision_of")),
+    (_TELLING, (macor_hil.runs.run_reporter, "link_of")),
     ("planning", (Expected, "plan")),
     ("setting the speed profile: an exchange on the line", (Khepera, "set_profile")),
 )
@@ -118,8 +119,8 @@ class Service:
         a_command = (work[-1] - work[_WARM]) / (len(work) - 1 - _WARM)
         return Drive(timeline.found[_WARM:], periods, a_command)
 
-    def _config(self) -> ServiceConfig:
-        return ServiceConfig(
+    def _config(self) -> RunOptions:
+        return RunOptions(
             port=self._port,
             map_file=self._map,
             planner="expected",

@@ -11,7 +11,7 @@ from stopwatch import Part, Stopwatch
 
 from khepera_emulator.robot.robot import Robot
 from macor_hil.hardware.bench import PortBench
-from macor_hil.hardware.cameras import PortCamera
+from macor_hil.hardware.cameras.port_camera import PortCamera
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.hardware.khepera import Khepera

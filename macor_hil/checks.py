@@ -11,6 +11,7 @@ what is wrong, at the first thing that `run`, `train` or an experiment would stu
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from math import isfinite
 from typing import Any, Final
 
@@ -20,6 +21,8 @@ from khepera_protocol.mirror import Mirror
 from macor_hil.arrays import Array, Image, State
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import CameraError
+from macor_hil.hardware.cameras import Frame
+from macor_hil.hardware.cameras.catalogue import make_camera
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Experience, Moment
@@ -162,6 +165,49 @@ def check_eyes(eyes: Any, **settings: Any) -> None:
         except CameraError:
             return
         raise CheckError("a picture of another size is looked at without a CameraError")
+
+
+def check_camera(camera: Any, source: str = "", missing: str | None = None, **given: Any) -> None:
+    """Check a class of cameras.
+
+    Args:
+        camera: the class.
+        source: what it is to show; at least three pictures must come from there.
+        missing: a source that there is not; None: there is none to try.
+        given: the keywords `port`, `session` and `robot`, where its constructor has them.
+    """
+    made = make_camera(camera, source, **given)
+    try:
+        _expect(isinstance(getattr(made, "live", None), bool), "it does not say whether it is live")
+        frames = [made.grab()]
+        first = frames[0].image.copy()
+        frames += [made.grab(), made.grab()]
+        for frame in frames:
+            _check_frame(frame, first.shape)
+        _expect(np.array_equal(frames[0].image, first), "a picture changes after it was given")
+        for before, after in pairwise(frames):
+            _expect(after.sequence > before.sequence, "the pictures' numbers do not grow")
+            _expect(after.time >= before.time, "the pictures' times go back")
+    finally:
+        made.close()
+    if missing is not None:
+        try:
+            make_camera(camera, missing, **given).close()
+        except CameraError:
+            return
+        raise CheckError(f"it opens {missing!r} without a CameraError")
+
+
+def _check_frame(frame: object, shape: tuple[int, ...]) -> None:
+    _expect(isinstance(frame, Frame), f"it gives {type(frame).__name__}, not a Frame")
+    assert isinstance(frame, Frame)
+    image = frame.image
+    _expect(
+        image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3,
+        f"a picture is {image.dtype} of shape {image.shape}, not uint8 of (height, width, 3)",
+    )
+    _expect(image.shape == shape, f"pictures of shape {shape} and of shape {image.shape}")
+    _expect(isfinite(frame.time), "a picture's time is not finite")
 
 
 def _expect(holds: bool, what: str) -> None:

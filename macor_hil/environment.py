@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from macor_hil.commands import COMMANDS, LEFT, STRAIGHT, MotorCommand
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras import Frame
-from macor_hil.hardware.devices import is_embedded, open_hardware
+from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver, DriveSettings, Outcome
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
@@ -117,7 +117,7 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
             self._hardware = stack.enter_context(open_hardware(port, camera))
             self._hardware.robot.stop()
             self._stack = stack.pop_all()
-        self._thinking_is_free = is_embedded(port)
+        self._thinking_is_free = self._hardware.address.embedded
         self._driver = Driver(self._hardware.robot, self._drive)
         self._began = 0.0
         self._frame: Frame | None = None

@@ -1,6 +1,6 @@
 """A controller as a process of its own: `python controller_process.py JSON`.
 
-The JSON text holds the fields of `ServiceConfig`, the wheels' greatest `speed`, and `trouble`:
+The JSON text holds fields of `RunOptions`, and `trouble`:
 `slow planner` (it takes seconds once the robot has made a step), `exception` (a defect while the
 robot drives), `clock jump` (an hour ahead). The planner `circle` always turns left: round and round
 without ever meeting a wall. A line `step` is printed for each decision, the end of the run or its
@@ -10,14 +10,13 @@ error last; with `forever` the next run follows, until a signal comes.
 import json
 import sys
 import time
-from pathlib import Path
 
 from macor_hil.errors import MacorError
-from macor_hil.hardware.driver import DriveSettings
 from macor_hil.hardware.khepera import Khepera
 from macor_hil.mind.planners.planner import Plan
 from macor_hil.mind.planners.reactive import Reactive
-from macor_hil.runs import service
+from macor_hil.runs.live_run import serve
+from macor_hil.runs.options import RunOptions
 
 SLOW = 2.5
 
@@ -91,24 +90,18 @@ def main():
         break_in_mid_drive()
     elif trouble == "clock jump":
         jump()
-    paths = {"map_file", "profile", "zenoh_config"}
     forever = fields.pop("forever", False)
-    drive = DriveSettings(
-        speed=fields.pop("speed", DriveSettings().speed),
-        acceleration=fields.pop("acceleration", DriveSettings().acceleration),
-    )
-    if fields.get("planner") in OWN_PLANNERS:
-        fields["planner"] = OWN_PLANNERS[fields["planner"]]
-    values = {k: Path(v) if k in paths else v for k, v in fields.items()}
-    config = service.ServiceConfig(drive=drive, **values)
-    while not run(config) and forever:
+    options = RunOptions(**fields)
+    planner = OWN_PLANNERS.get(options.planner, options.planner)
+    options = options.model_copy(update={"planner": planner})
+    while not run(options) and forever:
         pass
 
 
-def run(config):
+def run(options):
     """A run, and how it ended; whether a signal has come."""
     try:
-        report = service.serve(config, lambda _: print("step", flush=True))
+        report = serve(options, lambda _: print("step", flush=True))
     except MacorError as error:
         print(f"{type(error).__name__}: {error}", flush=True)
         return False

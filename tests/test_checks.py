@@ -1,12 +1,24 @@
 """Parts of this project pass the checks that authors run on theirs; broken ones do not."""
 
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
-from macor_hil.checks import CheckError, check_clusterer, check_eyes, check_memory, check_planner
+from macor_hil.checks import (
+    CheckError,
+    check_camera,
+    check_clusterer,
+    check_eyes,
+    check_memory,
+    check_planner,
+)
 from macor_hil.errors import MacorError
+from macor_hil.hardware.cameras import Frame
+from macor_hil.hardware.cameras.catalogue import CAMERAS
+from macor_hil.hardware.devices import open_hardware
 from macor_hil.mind.catalogue import CLUSTERERS, EYES, MEMORIES, PLANNERS
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.eyes.panorama import PanoramaEyes
@@ -33,6 +45,77 @@ def test_clusterers_pass(name: str) -> None:
 @pytest.mark.parametrize("name", EYES.builtin)
 def test_eyes_pass(name: str) -> None:
     check_eyes(EYES.find(name))
+
+
+def test_cameras_pass(tmp_path: Path) -> None:
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), np.zeros((4, 4, 3), np.uint8))
+    check_camera(CAMERAS.find("images"), str(tmp_path), missing=str(tmp_path / "none"))
+    with open_hardware("khepera://corridor?seed=1") as hardware:
+        check_camera(CAMERAS.find("port"), port=hardware.robot.port)
+
+
+class Plain:
+    """A camera that does what it should."""
+
+    live = False
+    times = 0.0, 1.0, 1.0
+    numbers = 0, 1, 2
+    dtype = np.uint8
+
+    def __init__(self) -> None:
+        self._left = list(zip(self.times, self.numbers, strict=True))
+        self._image = np.zeros((4, 4, 3), self.dtype)
+
+    def grab(self) -> Frame:
+        return Frame(self._image.copy(), *self._left.pop(0))
+
+    def close(self) -> None: ...
+
+
+class Reusing(Plain):
+    def grab(self) -> Frame:
+        self._image += 1
+        return Frame(self._image, *self._left.pop(0))
+
+
+class Repeating(Plain):
+    numbers = 0, 0, 1
+
+
+class Backwards(Plain):
+    times = 0.0, 2.0, 1.0
+
+
+class Bright(Plain):
+    dtype = np.float64
+
+
+class Undecided(Plain):
+    live = None
+
+
+class Anything(Plain):
+    def __init__(self, source: str = "") -> None:
+        super().__init__()
+        self.source = source
+
+
+@pytest.mark.parametrize(
+    ("camera", "says"),
+    [
+        (Reusing, "a picture changes after it was given"),
+        (Repeating, "numbers do not grow"),
+        (Backwards, "times go back"),
+        (Bright, "a picture is float64"),
+        (Undecided, "does not say whether it is live"),
+        (Anything, "it opens 'none' without a CameraError"),
+    ],
+)
+def test_broken_cameras_do_not_pass(camera: Any, says: str) -> None:
+    check_camera(Plain)
+    with pytest.raises(CheckError, match=says):
+        check_camera(camera, missing="none")
 
 
 class NoMemory:

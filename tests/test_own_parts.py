@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from khepera_protocol.registry import Registry, RegistryError
 
+from macor_hil.hardware.cameras.catalogue import CAMERAS
 from macor_hil.mind.catalogue import CLUSTERERS, EYES, PLANNERS, build_brain, make_planner
 from macor_hil.mind.settings import MindSettings, Part
 
@@ -36,13 +37,15 @@ def found(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("found")
 def test_parts_of_another_distribution_are_listed_and_pass_their_checks() -> None:
-    from macor_hil.checks import check_clusterer, check_eyes, check_planner
+    from macor_hil.checks import check_camera, check_clusterer, check_eyes, check_planner
 
     assert "wary" in PLANNERS.names()
     check_planner(PLANNERS.find("wary"))
     check_clusterer(CLUSTERERS.find("leader"))
     check_eyes(EYES.find("grey"))
     check_eyes(EYES.find("grey"), sectors=12)
+    check_camera(CAMERAS.find("pattern"), missing="many")
+    check_camera(CAMERAS.find("pattern"), "30")
 
 
 @pytest.mark.usefixtures("found")
@@ -72,6 +75,11 @@ def test_the_command_line_lists_them_and_drives_by_them(installed: Path, tmp_pat
     run = ("run", "--map", "a.npz", "--commands", "2", "--port", "khepera://open-box")
     assert "2 commands" in call(*run, "--planner", "wary")
     assert "2 commands" in call(*run, "--planner", f"{OWN / 'own_parts' / 'planner.py'}:Wary")
+    assert "pattern" in call("look", "--help")
+    for camera in ("pattern:30", f"{OWN / 'own_parts' / 'camera.py'}:PatternCamera:30"):
+        call("look", "--camera", camera, "--picture", "a.png")
+        assert (tmp_path / "a.png").stat().st_size > 1000
+        (tmp_path / "a.png").unlink()
     assert "wary" in call("trials", "--map", "a.npz", "--trials", "1", "--planner", "wary")
 
 

@@ -4,8 +4,8 @@ import pytest
 from emulator_process import emulator, free_endpoint
 from short_training import train_shortly
 
-from macor_hil.hardware.driver import DriveSettings
-from macor_hil.runs.service import ServiceConfig, serve
+from macor_hil.runs.live_run import serve
+from macor_hil.runs.options import RunOptions
 
 ARENA, SEED = "open-box", 3
 PORT = f"khepera://{ARENA}?seed={SEED}&baud=unpaced"
@@ -25,18 +25,18 @@ def drive(port, map_file, connect=()):
     """Decisions of a run. The camera is looked through once a command: more pictures would make
     the noise of the next one another."""
     decisions = []
-    fast = DriveSettings(speed=60, acceleration=255)
-    config = ServiceConfig(
-        port,
-        map_file,
+    options = RunOptions(
+        port=port,
+        map_file=map_file,
+        speed=60,
+        acceleration=255,
         planner="anticipative",
         commands=COMMANDS,
         listen=(),
         connect=connect,
-        drive=fast,
         camera_limit=0.0,
     )
-    assert serve(config, decisions.append).recoveries == 0
+    assert serve(options, decisions.append).recoveries == 0
     return decisions
 
 

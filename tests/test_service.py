@@ -7,7 +7,6 @@ import sys
 import threading
 import time
 from contextlib import suppress
-from dataclasses import replace
 from queue import Queue, SimpleQueue
 
 import pytest
@@ -15,18 +14,21 @@ import serial
 from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watching
 from emulator_process import emulator
 from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
+from khepera_protocol.zenoh.payloads import Pose
 from short_training import train_shortly
 
-import macor_hil.hardware.devices
 import macor_hil.runs.live_run
 import macor_hil.telemetry.publisher
 from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
 from macor_hil.hardware.bench import ZenohBench
+from macor_hil.hardware.cameras.catalogue import CameraAddress
 from macor_hil.hardware.cameras.watchdog import CameraWatch
 from macor_hil.hardware.khepera import Khepera, open_port
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.map_file import save_map
-from macor_hil.runs.service import Ending, ServiceConfig, serve
+from macor_hil.runs.live_run import serve
+from macor_hil.runs.options import RunOptions
+from macor_hil.runs.run_reporter import Ending
 from macor_hil.safety.interruption import Interruption, undisturbed
 from macor_hil.telemetry.sender import Sender
 from macor_hil.telemetry.session import open_session
@@ -51,7 +53,11 @@ def map_file(tmp_path_factory):
 @pytest.fixture
 def config(map_file):
     """Six commands on an embedded robot, unwatched; a failure ends the run."""
-    return ServiceConfig(PORT, map_file, commands=6, listen=(), connect=(), recovery=0.0)
+    return RunOptions(port=PORT, map_file=map_file, commands=6, listen=(), connect=(), recovery=0.0)
+
+
+def changed(config, **options):
+    return config.model_copy(update=options)
 
 
 class Tap:
@@ -147,9 +153,7 @@ def test_odometry_follows_the_robot_from_the_start_that_is_given(config, tap):
         heard.append(decision)
         truth.append(tap.port.emulator.truth().pose)
 
-    start = ServiceConfig("", config.map_file).start
-    start = type(start)(x=1.0, y=2.0, heading=0.0)
-    serve(replace(config, start=start), on_step)
+    serve(config, on_step, start=Pose(x=1.0, y=2.0, heading=0.0))
     poses = [decision.odometry.pose for decision in heard]
     moved = [(pose.x - poses[0].x, pose.y - poses[0].y) for pose in poses]
     really = [(pose.x - truth[0].x, pose.y - truth[0].y) for pose in truth]
@@ -161,7 +165,7 @@ def test_odometry_follows_the_robot_from_the_start_that_is_given(config, tap):
 
 
 def test_a_collision_ends_the_run(config, tap):
-    report = serve(replace(config, commands=200, planner="reactive"))
+    report = serve(changed(config, commands=200, planner="reactive"))
     assert report.ending is Ending.COLLISION
     assert report.collided
     assert report.commands < 200
@@ -182,7 +186,7 @@ def test_watchers_receive_every_decision_and_the_states_around_them(config):
         queues = [SimpleQueue() for _ in keys]
         for key, queue in zip(keys, queues, strict=True):
             session.declare_subscriber(key, queue.put)
-        serve(replace(config, robot="robby", connect=(endpoint,)), heard.append)
+        serve(changed(config, robot="robby", connect=(endpoint,)), heard.append)
         decisions, frames, said = queues
         for decision in heard:
             sample = receive(decisions)
@@ -216,7 +220,7 @@ def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config):
                 heard.append(latest(session, State, lambda state: state.driven >= 4))
             heard.append(decision)
 
-    serve(replace(config, listen=(endpoint,)), join)
+    serve(changed(config, listen=(endpoint,)), join)
     told, state, made = heard
     assert told == made
     assert (state.phase, state.driven, state.limit) == (Phase.DRIVING, 4, 6)
@@ -227,7 +231,7 @@ def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config):
 def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(config, tap, number):
     before = signal.getsignal(number)
     tap.in_mid_drive(lambda: signal.raise_signal(number))
-    report = serve(replace(config, commands=1000))
+    report = serve(changed(config, commands=1000))
     assert report.ending is Ending.INTERRUPTED
     assert report.signal == signal.Signals(number).name
     assert report.commands == 1
@@ -413,17 +417,13 @@ class BlindAfter:
 def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
     config, tap, monkeypatch, error
 ):
-    real = macor_hil.hardware.devices.open_camera
-    monkeypatch.setattr(
-        macor_hil.hardware.devices,
-        "open_camera",
-        lambda *a, **k: BlindAfter(real(*a, **k), 3, error),
-    )
+    real = CameraAddress.open
+    monkeypatch.setattr(CameraAddress, "open", lambda *a, **k: BlindAfter(real(*a, **k), 3, error))
     endpoint, said = free_endpoint(), SimpleQueue()
     with open_session([endpoint], []) as session:
         session.declare_subscriber("macor/khepera/state", said.put)
         with pytest.raises(type(error)):
-            serve(replace(config, connect=(endpoint,)))
+            serve(changed(config, connect=(endpoint,)))
         failed = next(state for state in states(said) if state.phase is Phase.FAILED)
     assert failed.reason == str(error)
     assert failed.driven == 2
@@ -444,7 +444,7 @@ def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(config, t
 
     tap.in_mid_drive(die)
     with pytest.raises(TelemetryError, match="division by zero"):
-        serve(replace(config, listen=(free_endpoint(),), commands=1000))
+        serve(changed(config, listen=(free_endpoint(),), commands=1000))
     assert tap.count(b"C") == 2  # the stop comes within that command
     tap.assert_stopped()
 
@@ -490,25 +490,25 @@ def test_an_interrupt_without_a_confirmed_stop_is_an_error(config, tap):
 
 def test_the_robot_is_stopped_when_there_is_no_such_camera(config, tap):
     with pytest.raises(CameraError, match="nonsense"):
-        serve(replace(config, camera="nonsense"))
+        serve(changed(config, camera="nonsense"))
     assert tap.requests[-2:] == [STOP, b"E\n"]
     assert not tap.port.is_open
 
 
 def test_what_cannot_be_used_is_named_before_anything_moves(config, tap, tmp_path):
     with pytest.raises(MapError, match="there is no map"):
-        serve(replace(config, map_file=tmp_path / "none.npz"))
+        serve(changed(config, map_file=tmp_path / "none.npz"))
     with pytest.raises(MacorError, match=r"no planner 'bold'; there are anticipative, reactive"):
-        serve(replace(config, planner="bold"))
+        serve(changed(config, planner="bold"))
     with pytest.raises(TelemetryError, match="robot's name"):
-        serve(replace(config, robot="a/*", listen=(free_endpoint(),)))
+        serve(changed(config, robot="a/*", listen=(free_endpoint(),)))
     empty = tmp_path / "empty.npz"
     save_map(empty, build_brain(), {})
     with pytest.raises(MacorError, match="no situations"):
-        serve(replace(config, map_file=empty))
+        serve(changed(config, map_file=empty))
     endpoint = free_endpoint()
     with open_session([endpoint], []), pytest.raises(TelemetryError, match="already"):
-        serve(replace(config, listen=(endpoint,)))
+        serve(changed(config, listen=(endpoint,)))
     assert tap.port is None
 
 
@@ -516,13 +516,14 @@ RUNNER = """
 import sys
 from pathlib import Path
 from macor_hil.errors import MacorError
-from macor_hil.runs.service import ServiceConfig, serve
+from macor_hil.runs.live_run import serve
+from macor_hil.runs.options import RunOptions
 port, map_file, connect = sys.argv[1:]
 try:
     report = serve(
-        ServiceConfig(
-            port, Path(map_file), baud=57600, commands=10_000, listen=(), connect=(connect,),
-            recovery=0.0,
+        RunOptions(
+            port=port, map_file=Path(map_file), baud=57600, commands=10_000, listen=(),
+            connect=(connect,), recovery=0.0,
         ),
         lambda decision: print("step", flush=True),
     )

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from macor_hil.mind.brain import Brain
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.checkpoints import checkpoint_path, train_map
-from macor_hil.runs.recovery import Ask, Caretaker
+from macor_hil.runs.recovery import Ask, TrainingRecovery
 from macor_hil.runs.training import Phase, Recovery, Schedule
 
 PORT = "khepera://corridor?seed=3"
@@ -169,8 +170,8 @@ def train_on_a_robot(
 
         hardware.robot.go_to = failing  # type: ignore[method-assign]
         devices = Driver(hardware.robot), hardware.camera, None
-        care = Caretaker(hardware.robot, hardware.camera, ask, patience=1.0)
-        return train_map(path, SETTINGS, BACKING, PORT, devices, progress, care, 1)
+        rescue = TrainingRecovery(hardware.robot, hardware.camera, ask, patience=1.0)
+        return train_map(path, SETTINGS, BACKING, PORT, devices, progress, rescue, 1)
 
 
 @pytest.mark.parametrize("failure", [RobotError, CameraError])
@@ -227,7 +228,8 @@ def test_without_a_hand_a_full_disk_ends_the_training(
 
 def test_a_robot_that_stays_away_is_seen_to_by_hand() -> None:
     class Away:
-        clock = staticmethod(lambda: 0.0)
+        clock = staticmethod(count().__next__)
+        wait = staticmethod(lambda _: None)
         hands = 0
 
         def recover(self, patience: float) -> bool:
@@ -246,8 +248,8 @@ def test_a_robot_that_stays_away_is_seen_to_by_hand() -> None:
     def help_it(_: str) -> None:
         robot.hands += 1
 
-    Caretaker(robot, Seeing(), help_it).get_over(RobotError("it failed"))  # type: ignore[arg-type]
+    TrainingRecovery(robot, Seeing(), help_it).recover(RobotError("it failed"))  # type: ignore[arg-type]
     assert robot.hands == 1
     robot.hands = 0
     with pytest.raises(RobotError, match="silent"):
-        Caretaker(robot, Seeing()).get_over(RobotError("it failed"))  # type: ignore[arg-type]
+        TrainingRecovery(robot, Seeing()).recover(RobotError("it failed"))  # type: ignore[arg-type]

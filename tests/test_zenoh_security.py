@@ -20,7 +20,7 @@ from khepera_emulator.app.side_channel import open_zenoh as emulator_session
 from khepera_emulator.errors import EmulatorError
 from macor_hil import cli
 from macor_hil.errors import CameraLostError, TelemetryError
-from macor_hil.hardware.cameras import ZenohCamera
+from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
 from macor_hil.telemetry.session import open_session

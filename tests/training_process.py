@@ -14,13 +14,14 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from macor_hil.errors import MacorError
+from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.cameras.checks import CheckedCamera, limits_for
 from macor_hil.hardware.cameras.watchdog import CameraWatch
-from macor_hil.hardware.devices import is_embedded, open_hardware
+from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.checkpoints import train_map
-from macor_hil.runs.recovery import Caretaker
+from macor_hil.runs.recovery import TrainingRecovery
 from macor_hil.runs.training import Recovery, Schedule
 from macor_hil.telemetry.session import open_session
 
@@ -51,7 +52,7 @@ def train(path, port, *, random, trouble="", baud=9600, camera="auto", **zenoh):
 
     with ExitStack() as stack:
         session = None
-        if not is_embedded(port):
+        if not PortAddress.parse(port).embedded:
             file = Path(zenoh["zenoh_config"]) if zenoh.get("zenoh_config") else None
             session = stack.enter_context(
                 open_session([zenoh["listen"]], [zenoh["endpoint"]], file)
@@ -60,8 +61,8 @@ def train(path, port, *, random, trouble="", baud=9600, camera="auto", **zenoh):
         eyes = CheckedCamera(hardware.camera, limits_for(settings.mirror))
         watch = stack.enter_context(CameraWatch(eyes))
         devices = Driver(hardware.robot, guard=watch.guard), eyes, None
-        care = Caretaker(hardware.robot, eyes)
-        return train_map(Path(path), settings, schedule, "here", devices, progress, care, 1)
+        rescue = TrainingRecovery(hardware.robot, eyes)
+        return train_map(Path(path), settings, schedule, "here", devices, progress, rescue, 1)
 
 
 def main():

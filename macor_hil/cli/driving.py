@@ -1,99 +1,57 @@
 """Commands that drive a robot live, or look through its camera."""
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
+from khepera_protocol.options import Cli, takes
 from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+from pydantic import Field
 from rich.console import Console
 from rich.table import Table
 
+from macor_hil.cli.common import decision_line, hardware_of, session_of
 from macor_hil.cli.ending import Status, kept, told
-from macor_hil.cli.learning import train
-from macor_hil.cli.options import (
-    DEFAULT_MAP,
-    DEFAULT_PORT,
-    BaudOption,
-    CameraOption,
-    ConnectOption,
-    InfraredOption,
-    MapOption,
-    PortOption,
-    ProfileOption,
-    RobotOption,
-    SeedOption,
-    SpeedOption,
-    ZenohConfigOption,
-    decision_line,
-    hardware_of,
-)
+from macor_hil.cli.learning import train_map_of
 from macor_hil.cli.paths import PICTURES, check_file, check_folder
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras.checks import CheckedCamera, limits_of
-from macor_hil.hardware.cameras.watchdog import DEFAULT_LIMIT
-from macor_hil.hardware.driver import DriveSettings
-from macor_hil.hardware.profile import load_profile
-from macor_hil.mind.catalogue import PLANNERS, build_brain
+from macor_hil.hardware.options import DeviceOptions, ProfileOptions, ZenohOptions
+from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map
+from macor_hil.mind.options import AllowOptions, MindOptions
 from macor_hil.monitor.pictures import draw_trials, draw_view
-from macor_hil.runs.demo import DEFAULT_SEED, DemoSettings, reserved, run_demo
-from macor_hil.runs.service import ServiceConfig, serve
-from macor_hil.telemetry.session import open_session
+from macor_hil.runs.demo import DemoSettings, reserved, run_demo
+from macor_hil.runs.live_run import serve
+from macor_hil.runs.options import RunOptions, TrainOptions
 from macor_hil.telemetry.stop_key import ask_to_stop
 
-_DRIVE: Final = DriveSettings()
-
 app = typer.Typer()
+
+
+class LookOptions(AllowOptions, ProfileOptions, DeviceOptions):
+    """A look through a camera."""
+
+    picture: Path = Field(default=Path("runs/view.png"), description="PNG file to draw.")
+    map_file: Annotated[Path | None, Cli(flags=("--map",))] = Field(
+        default=None, description="Map whose tuned receptive fields to use."
+    )
+
+
+class StopOptions(ZenohOptions):
+    """A controller that is to stop its robot."""
+
+    connect: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
+        default=(CONTROLLER_ENDPOINT,), description="Zenoh peers, there now or later."
+    )
 
 
 @app.command(
     epilog="[cyan]macor-hil run --port runs/khepera --camera zenoh --map runs/corridor.npz[/cyan]"
 )
-def run(
-    port: PortOption = DEFAULT_PORT,
-    camera: CameraOption = "auto",
-    map_file: MapOption = DEFAULT_MAP,
-    planner: Annotated[
-        str,
-        typer.Option(
-            help=f"How to choose commands: {', '.join(PLANNERS.names())}; or file.py:Class."
-        ),
-    ] = "anticipative",
-    commands: Annotated[int, typer.Option(min=1, help="Commands to drive at most.")] = 40,
-    baud: BaudOption = 9600,
-    robot: RobotOption = "khepera",
-    listen: Annotated[
-        list[str], typer.Option(metavar="ENDPOINT", help="Where watchers find this controller.")
-    ] = [CONTROLLER_ENDPOINT],  # noqa: B006 - typer copies it
-    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-    stop_key: Annotated[
-        bool, typer.Option("--stop-key", help="Let whoever reaches macor/NAME/stop end the run.")
-    ] = False,
-    profile: ProfileOption = None,
-    speed: SpeedOption = _DRIVE.speed,
-    infrared: InfraredOption = _DRIVE.collision,
-    camera_limit: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            help="Seconds of driving without a usable picture before the robot is stopped; 0: look"
-            " only when it stands.",
-        ),
-    ] = DEFAULT_LIMIT,
-    planner_limit: Annotated[
-        float, typer.Option(min=0.01, help="Seconds of planning after which watchers are told.")
-    ] = 0.5,
-    recovery: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            help="Seconds to go on trying when robot or camera fail; 0: a failure ends the run.",
-        ),
-    ] = 30.0,
-    seed: SeedOption = DEFAULT_SEED,
-) -> None:
+@takes(RunOptions)
+def run(options: RunOptions) -> None:
     """Drive a robot live by a map, publishing frames and decisions over Zenoh.
 
     The robot is always stopped before the program ends: after the last command, a collision,
@@ -101,26 +59,7 @@ def run(
     or camera fail, it is stopped, and the run goes on once both work again. Exit status 3 after a
     collision.
     """
-    config = ServiceConfig(
-        port=port,
-        map_file=map_file,
-        camera=camera,
-        baud=baud,
-        planner=planner,
-        commands=commands,
-        robot=robot,
-        listen=tuple(listen),
-        connect=tuple(connect),
-        seed=seed,
-        drive=DriveSettings(speed=speed, collision=infrared),
-        profile=profile,
-        zenoh_config=zenoh_config,
-        stop_key=stop_key,
-        camera_limit=camera_limit,
-        planner_limit=planner_limit,
-        recovery=recovery,
-    )
-    report = serve(config, lambda decision: told(decision_line(decision)))
+    report = serve(options, lambda decision: told(decision_line(decision)))
     driven = (
         f"{report.commands} commands, reinforcement {report.reinforcement:.2f};"
         + (f" {report.recoveries} failures got over;" if report.recoveries else "")
@@ -135,42 +74,29 @@ def run(
 
 
 @app.command(epilog="[cyan]macor-hil stop --connect tcp/127.0.0.1:7448[/cyan]")
-def stop(
-    robot: RobotOption = "khepera",
-    connect: ConnectOption = [CONTROLLER_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-) -> None:
+@takes(StopOptions)
+def stop(options: StopOptions) -> None:
     """Ask the controller of a robot to stop it; it must have been started with --stop-key."""
-    with open_session([], connect, zenoh_config) as session:
-        ask_to_stop(session, robot)
-    typer.echo(f"the controller of {robot} is stopping it")
+    with session_of(options) as session:
+        ask_to_stop(session, options.robot)
+    typer.echo(f"the controller of {options.robot} is stopping it")
 
 
 @app.command(epilog="[cyan]macor-hil look --picture view.png[/cyan]")
-def look(
-    picture: Annotated[Path, typer.Option(help="PNG file to draw.")] = Path("runs/view.png"),
-    port: PortOption = DEFAULT_PORT,
-    camera: CameraOption = "auto",
-    map_file: Annotated[
-        Path | None, typer.Option("--map", help="Map whose tuned receptive fields to use.")
-    ] = None,
-    baud: BaudOption = 9600,
-    robot: RobotOption = "khepera",
-    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-    profile: ProfileOption = None,
-) -> None:
+@takes(LookOptions)
+def look(options: LookOptions) -> None:
     """Draw what the robot sees now: mirror image, panorama, receptive fields."""
-    check_file("--picture", picture, PICTURES)
-    brain = load_map(map_file)[0] if map_file else build_brain()
-    if profile and (mirror := load_profile(profile).mirror):
+    check_file("--picture", options.picture, PICTURES)
+    map_file = options.map_file
+    brain = load_map(map_file, options.allow)[0] if map_file else build_brain()
+    if mirror := options.measured().mirror:
         brain.eyes.look_through(mirror)
     if not isinstance(brain.eyes, PanoramaEyes):
         raise MacorError(f"the eyes of {map_file} have no receptive fields to draw")
-    with hardware_of(port, camera, baud, robot, connect, zenoh_config) as hardware:
+    with hardware_of(options) as hardware:
         eyes = CheckedCamera(hardware.camera, limits_of(brain.eyes))
-        draw_view(picture, brain.eyes, eyes.grab().image)
-    typer.echo(str(picture))
+        draw_view(options.picture, brain.eyes, eyes.grab().image)
+    typer.echo(str(options.picture))
 
 
 @app.command(epilog="[cyan]macor-hil demo --folder runs[/cyan]")
@@ -193,12 +119,13 @@ def demo(
         if not map_file.exists():
             typer.echo(f"training {map_file} in virtual time (the robot itself would take hours)")
             typer.echo(f"watch it from another terminal: macor-hil dashboard{settings.watching}")
-            train(
+            training = TrainOptions(
                 port=settings.training_port,
                 map_file=map_file,
                 seed=settings.seed,
-                listen=[settings.emulator],
+                listen=(settings.emulator,),
             )
+            train_map_of(training, MindOptions())
         typer.echo(
             "driving live; watch from another terminal: macor-hil dashboard"
             f"{settings.watching}, or monitor"

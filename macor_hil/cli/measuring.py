@@ -1,6 +1,7 @@
 """Commands that measure a robot and write what they find into its profile."""
 
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import isfinite, nan
 from pathlib import Path
 from typing import Annotated, Final
@@ -8,40 +9,29 @@ from typing import Annotated, Final
 import cv2
 import typer
 from khepera_protocol.mirror import Mirror
-from khepera_protocol.zenoh.payloads import DEFAULT_ENDPOINT
+from khepera_protocol.options import Cli, takes
+from pydantic import Field
 
 from macor_hil.arrays import Image
+from macor_hil.cli.common import camera_of, progress_bar, session_of
 from macor_hil.cli.ending import kept
-from macor_hil.cli.options import (
-    DEFAULT_PORT,
-    BaudOption,
-    CameraOption,
-    ConnectOption,
-    PortOption,
-    RobotOption,
-    SpeedOption,
-    ZenohConfigOption,
-    camera_of,
-    progress_bar,
-)
 from macor_hil.cli.paths import PICTURES, check_file
 from macor_hil.errors import CalibrationError, CameraError, MacorError
+from macor_hil.hardware.address import DEFAULT_SEED
 from macor_hil.hardware.bench import Bench, PortBench, ZenohBench
 from macor_hil.hardware.calibration.course import drive_all, fit_wheels, moves
 from macor_hil.hardware.calibration.measured import Course, Measured, measured_path
 from macor_hil.hardware.calibration.measuring import BenchRuler, Hands, Ruler
 from macor_hil.hardware.cameras.checks import CheckedCamera, PictureLimits, limits_for
 from macor_hil.hardware.cameras.mirror_fit import draw_mirror, find_mirror
-from macor_hil.hardware.devices import is_embedded, robot_of
+from macor_hil.hardware.devices import robot_of
 from macor_hil.hardware.driver import Driver, DriveSettings
+from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.odometry import Wheels
+from macor_hil.hardware.options import DeviceOptions, LineOptions, SpeedOptions, ZenohOptions
 from macor_hil.hardware.profile import change_profile, load_profile
-from macor_hil.runs.demo import DEFAULT_SEED
 from macor_hil.safety.claim import claim
 from macor_hil.safety.interruption import signals_taken_over
-from macor_hil.telemetry.session import open_session
-
-_DRIVE: Final = DriveSettings()
 
 DEFAULT_PROFILE: Final = Path("runs/robot.json")
 
@@ -50,52 +40,67 @@ _FREE_FLOOR: Final = f"khepera://open-box?seed={DEFAULT_SEED}"
 
 app = typer.Typer()
 
-ProfileFile = Annotated[Path, typer.Option("--profile", metavar="FILE", help="Robot's profile.")]
+_ProfileFile = Annotated[Path, Cli(flags=("--profile",), metavar="FILE")]
+
+
+class CameraOptions(DeviceOptions):
+    """A camera, and the mirror in its picture."""
+
+    calibrate: Annotated[bool, Cli(flags=("--calibrate",))] = Field(
+        default=False,
+        description="Find the mirror's centre and rims, and write them into --profile.",
+    )
+    centre: Annotated[str | None, Cli(metavar="X,Y")] = Field(
+        default=None, description="The mirror's centre, instead of a search."
+    )
+    inner: float | None = Field(
+        default=None, ge=0.0, description="Radius of its inner rim, pixels."
+    )
+    outer: float | None = Field(
+        default=None, ge=1.0, description="Radius of its outer rim, pixels."
+    )
+    profile: _ProfileFile = Field(default=DEFAULT_PROFILE, description="Robot's profile.")
+    picture: Path = Field(
+        default=Path("runs/mirror.png"),
+        description="PNG file to draw the mirror into, as it is described.",
+    )
+
+
+class CalibrateOptions(SpeedOptions, ZenohOptions, LineOptions):
+    """A calibration of the wheels."""
+
+    port: str = Field(default=_FREE_FLOOR, description="Serial device or pySerial URL.")
+    side: float = Field(default=0.5, ge=0.05, le=5.0, description="Side of the square, metres.")
+    runs: int = Field(default=5, ge=1, le=100, description="How often each move is driven.")
+    emulated: Annotated[bool, Cli(flags=("--emulated",))] = Field(
+        default=False, description="Let the emulator at --connect put the robot and measure it."
+    )
+    profile: _ProfileFile = Field(default=DEFAULT_PROFILE, description="Robot's profile.")
+    restart: Annotated[bool, Cli(flags=("--restart",))] = Field(
+        default=False, description="Begin anew, even with measured moves there."
+    )
 
 
 @app.command(epilog="[cyan]macor-hil camera --camera video:0 --calibrate[/cyan]")
-def camera(
-    port: PortOption = DEFAULT_PORT,
-    camera: CameraOption = "auto",
-    calibrate: Annotated[
-        bool,
-        typer.Option(
-            "--calibrate", help="Find the mirror's centre and rims, and write them into --profile."
-        ),
-    ] = False,
-    centre: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="The mirror's centre, instead of a search.")
-    ] = None,
-    inner: Annotated[
-        float | None, typer.Option(min=0.0, help="Radius of its inner rim, pixels.")
-    ] = None,
-    outer: Annotated[
-        float | None, typer.Option(min=1.0, help="Radius of its outer rim, pixels.")
-    ] = None,
-    profile: ProfileFile = DEFAULT_PROFILE,
-    picture: Annotated[
-        Path, typer.Option(help="PNG file to draw the mirror into, as it is described.")
-    ] = Path("runs/mirror.png"),
-    robot: RobotOption = "khepera",
-    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-) -> None:
+@takes(CameraOptions)
+def camera(options: CameraOptions) -> None:
     """Look through a camera: is its picture usable, and where does the mirror lie in it?
 
     Draws the picture with the mirror's rims and straight ahead, to be looked at.
     """
+    picture, profile = options.picture, options.profile
     check_file("--picture", picture, PICTURES)
-    if calibrate:
+    if options.calibrate:
         check_file("--profile", profile)
-    elif (centre, inner, outer) != (None, None, None):
+    elif (options.centre, options.inner, options.outer) != (None, None, None):
         raise MacorError(
             "--centre, --inner and --outer describe a mirror for --calibrate, which is not there"
         )
-    with camera_of(port, camera, robot, connect, zenoh_config) as eyes:
-        if calibrate:
+    with camera_of(options) as eyes:
+        if options.calibrate:
             image = CheckedCamera(eyes, PictureLimits()).grab().image
-            mirror = _given(image, centre, inner, outer) or find_mirror(image)
-            note = f"{image.shape[1]} x {image.shape[0]} pixels from the camera {camera}"
+            mirror = _given(image, options) or find_mirror(image)
+            note = f"{image.shape[1]} x {image.shape[0]} pixels from the camera {options.camera}"
             change_profile(profile, ("mirror", note), mirror=mirror)
         else:
             mirror = (load_profile(profile).mirror if profile.exists() else None) or Mirror()
@@ -103,36 +108,16 @@ def camera(
     picture.parent.mkdir(parents=True, exist_ok=True)
     if not cv2.imwrite(str(picture), draw_mirror(image, mirror)):
         raise CameraError(f"cannot write the picture {picture}")
+    found = f"written to {profile}" if options.calibrate else "usable"
     typer.echo(
         f"centre {mirror.centre_x:g}, {mirror.centre_y:g}; inner rim {mirror.inner:g}, outer rim"
-        f" {mirror.outer:g} pixels; {'written to ' + str(profile) if calibrate else 'usable'};"
-        f" look at {picture}"
+        f" {mirror.outer:g} pixels; {found}; look at {picture}"
     )
 
 
 @app.command(epilog="[cyan]macor-hil calibrate --port /dev/ttyUSB0 --side 0.5 --runs 5[/cyan]")
-def calibrate(
-    port: PortOption = _FREE_FLOOR,
-    side: Annotated[
-        float, typer.Option(min=0.05, max=5.0, help="Side of the square, metres.")
-    ] = 0.5,
-    runs: Annotated[int, typer.Option(min=1, max=100, help="How often each move is driven.")] = 5,
-    speed: SpeedOption = _DRIVE.speed,
-    emulated: Annotated[
-        bool,
-        typer.Option(
-            "--emulated", help="Let the emulator at --connect put the robot and measure it."
-        ),
-    ] = False,
-    profile: ProfileFile = DEFAULT_PROFILE,
-    baud: BaudOption = 9600,
-    robot: RobotOption = "khepera",
-    connect: ConnectOption = [DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-    restart: Annotated[
-        bool, typer.Option("--restart", help="Begin anew, even with measured moves there.")
-    ] = False,
-) -> None:
+@takes(CalibrateOptions)
+def calibrate(options: CalibrateOptions) -> None:
     """Measure the wheels: drive marked moves, fit the way of a count and the wheel base.
 
     A straight line, squares and turns on the spot need a free, even floor somewhat larger than the
@@ -140,31 +125,15 @@ def calibrate(
     a robot behind a khepera:// port is put and measured by its emulator. What was measured is kept:
     a calibration that was interrupted goes on when started again.
     """
+    profile = options.profile
     check_file("--profile", profile)
     known = load_profile(profile).wheels if profile.exists() else Wheels()
-    plan = moves(side)
-    with claim(profile), ExitStack() as stack:
-        if restart:
+    with claim(profile):
+        if options.restart:
             measured_path(profile).unlink(missing_ok=True)
-        done = Measured(profile, Course(port, side, runs, speed, known))
-        stack.enter_context(kept(lambda: _what_is_kept(done, runs * len(plan))))
-        guard = stack.enter_context(signals_taken_over()).check
-        driven = stack.enter_context(robot_of(port, baud))
-        bench: Bench | None = None
-        if is_embedded(port):
-            bench = PortBench(driven.port)
-        elif emulated:
-            session = stack.enter_context(open_session([], connect, zenoh_config))
-            bench = ZenohBench(session, robot)
-        progress = stack.enter_context(progress_bar(runs * len(plan)))
-        progress(len(done.runs))
-        ruler: Ruler = Hands(progress.say, progress.ask)
-        if bench is not None:
-            ruler = BenchRuler(bench, len(done.runs))
-        driver = Driver(driven, DriveSettings(wheels=known, speed=speed), guard)
-        for run in drive_all(driver, plan, runs, ruler.place, ruler.measure, len(done.runs)):
-            done.add(run)
-            progress(len(done.runs))
+        course = Course(options.port, options.side, options.runs, options.speed, known)
+        done = Measured(profile, course)
+        _drive_what_is_left(options, done)
     try:
         found = fit_wheels(done.runs, known)
     except CalibrationError as error:
@@ -172,8 +141,8 @@ def calibrate(
             f"{error}; the moves are in {done.path}, --restart begins anew"
         ) from None
     note = (
-        f"{len(done.runs)} moves, side {side:g} m; ends {1000 * found.before:.1f} mm from odometry"
-        f" before, {1000 * found.after:.1f} mm after (root mean square)"
+        f"{len(done.runs)} moves, side {options.side:g} m; ends {1000 * found.before:.1f} mm from"
+        f" odometry before, {1000 * found.after:.1f} mm after (root mean square)"
     )
     change_profile(profile, ("wheels", note), wheels=found.wheels)
     done.close()
@@ -182,6 +151,41 @@ def calibrate(
         f" {1000 * found.wheels.base:.3f} ± {1000 * found.base_error:.3f} mm; {note}; written to"
         f" {profile}"
     )
+
+
+def _drive_what_is_left(options: CalibrateOptions, done: Measured) -> None:
+    """Drive and measure the moves that have not been measured yet."""
+    plan, known = moves(options.side), done.course.wheels
+    total = options.runs * len(plan)
+    with (
+        kept(lambda: _what_is_kept(done, total)),
+        signals_taken_over() as interruption,
+        robot_of(options.address, options.baud) as robot,
+        _bench_of(options, robot) as bench,
+        progress_bar(total) as progress,
+    ):
+        progress(len(done.runs))
+        ruler: Ruler = Hands(progress.say, progress.ask)
+        if bench is not None:
+            ruler = BenchRuler(bench, len(done.runs))
+        settings = DriveSettings(wheels=known, speed=options.speed)
+        driver = Driver(robot, settings, interruption.check)
+        places = ruler.place, ruler.measure
+        for run in drive_all(driver, plan, options.runs, *places, len(done.runs)):
+            done.add(run)
+            progress(len(done.runs))
+
+
+@contextmanager
+def _bench_of(options: CalibrateOptions, robot: Khepera) -> Iterator[Bench | None]:
+    """Open the bench of an emulated robot; None for others."""
+    if options.address.embedded:
+        yield PortBench(robot.port)
+    elif options.emulated:
+        with session_of(options) as session:
+            yield ZenohBench(session, options.robot)
+    else:
+        yield None
 
 
 def _what_is_kept(done: Measured, of: int) -> str:
@@ -194,15 +198,14 @@ def _what_is_kept(done: Measured, of: int) -> str:
 
 
 def _usable(camera: CheckedCamera) -> Image:
-    """A picture that can be acted upon; of a live camera the second one, so that ice shows."""
+    """Take a picture that can be acted upon; of a live camera a second one, so that ice shows."""
     image = camera.grab().image
     return camera.grab().image if camera.live else image
 
 
-def _given(
-    image: Image, centre: str | None, inner: float | None, outer: float | None
-) -> Mirror | None:
-    """The mirror that was measured by hand, or None."""
+def _given(image: Image, options: CameraOptions) -> Mirror | None:
+    """Return the mirror that was measured by hand, or None."""
+    centre, inner, outer = options.centre, options.inner, options.outer
     if centre is None and inner is None and outer is None:
         return None
     try:

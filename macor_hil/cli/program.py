@@ -7,9 +7,10 @@ from contextlib import suppress
 from typing import Final
 
 import typer
+from khepera_protocol.options import OptionError
 from khepera_protocol.text import PrintableFormatter, printable
 
-from macor_hil.cli import driving, learning, measuring, ros, watching
+from macor_hil.cli import driving, learning, measuring, ros, scoring, watching
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
 from macor_hil.errors import MacorError, NotStoppedError
 from macor_hil.safety.interruption import Interruption
@@ -45,7 +46,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     epilog=_EXAMPLES,
 )
-for _part in (learning, driving, measuring, watching, ros):
+for _part in (learning, scoring, driving, measuring, watching, ros):
     app.add_typer(_part.app)
 
 
@@ -69,7 +70,7 @@ def run() -> int:
 def _run(interruption: Interruption) -> int:
     try:
         app()
-    except MacorError as error:
+    except (MacorError, OptionError) as error:
         _say(str(error))
         if not interruption.name or isinstance(error, NotStoppedError):
             return Status.FAILED

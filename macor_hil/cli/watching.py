@@ -9,15 +9,18 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from khepera_protocol.options import Cli, takes
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.keys import KEYS
 from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.schema import schema_of
+from pydantic import Field
 
+from macor_hil.cli.common import extra, session_of
 from macor_hil.cli.ending import Status, kept
-from macor_hil.cli.options import ConnectOption, RobotOption, ZenohConfigOption, extra
 from macor_hil.cli.paths import check_file
 from macor_hil.errors import MacorError, TelemetryError
+from macor_hil.hardware.options import Options, ZenohConfigOptions, ZenohOptions
 from macor_hil.monitor.terminal import watch
 from macor_hil.safety.claim import claim
 from macor_hil.telemetry.keys_page import keys_page
@@ -25,9 +28,62 @@ from macor_hil.telemetry.session import open_session
 
 app = typer.Typer()
 
-DurationOption = Annotated[
-    float | None, typer.Option("--for", metavar="SECONDS", min=0.1, help="End after a time.")
-]
+
+class WatchOptions(ZenohOptions):
+    """Whom to watch."""
+
+    connect: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
+        default=(CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT),
+        description="Zenoh peers, there now or later.",
+    )
+
+
+class DurationOptions(Options):
+    """How long to watch."""
+
+    duration: Annotated[float | None, Cli(flags=("--for",), metavar="SECONDS")] = Field(
+        default=None, ge=0.1, description="End after a time."
+    )
+
+
+class MonitorOptions(WatchOptions, DurationOptions):
+    """A watcher in the terminal."""
+
+    once: Annotated[bool, Cli(flags=("--once",))] = Field(
+        default=False, description="Show a single picture; exit status 1 without a controller."
+    )
+
+
+class RecordOptions(WatchOptions, DurationOptions):
+    """A recording that is written."""
+
+    file: Annotated[Path, Cli(argument=True)] = Field(
+        description="MCAP file to write; replaced if it is there."
+    )
+
+
+class ReplayOptions(ZenohConfigOptions):
+    """A recording that is published again."""
+
+    file: Annotated[Path, Cli(argument=True)] = Field(description="A recording of `record`.")
+    speed: float = Field(
+        default=1.0, ge=0.01, le=1000.0, description="Speed-up of the recorded time."
+    )
+    robot: Annotated[str | None, Cli(metavar="NAME")] = Field(
+        default=None, description="Another name than the recorded robot's."
+    )
+    listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
+        default=(CONTROLLER_ENDPOINT,), description="Where watchers find it."
+    )
+
+
+class DashboardOptions(WatchOptions):
+    """A watcher in the browser."""
+
+    file: Annotated[Path | None, Cli(argument=True)] = Field(
+        default=None, description="A recording to scrub through; without it: live."
+    )
+    port: int = Field(default=8080, ge=1, le=65535, description="TCP port of the page.")
 
 
 @app.command(epilog="[cyan]macor-hil keys decision[/cyan]")
@@ -49,85 +105,55 @@ def keys(
 
 
 @app.command(epilog="[cyan]macor-hil monitor --connect tcp/127.0.0.1:7448[/cyan]")
-def monitor(
-    robot: RobotOption = "khepera",
-    once: Annotated[
-        bool,
-        typer.Option("--once", help="Show a single picture; exit status 1 without a controller."),
-    ] = False,
-    duration: DurationOption = None,
-    connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-) -> None:
+@takes(MonitorOptions)
+def monitor(options: MonitorOptions) -> None:
     """Watch a controller in the terminal; a Zenoh subscriber and nothing else."""
-    with open_session([], connect, zenoh_config) as session:
-        there = watch(session, robot, once, duration)
-    if once and not there:
+    with session_of(options) as session:
+        there = watch(session, options.robot, options.once, options.duration)
+    if options.once and not there:
         raise typer.Exit(Status.NO)
 
 
 @app.command(epilog="[cyan]macor-hil record runs/drive.mcap --for 60[/cyan]")
-def record(
-    file: Annotated[Path, typer.Argument(help="MCAP file to write; replaced if it is there.")],
-    robot: RobotOption = "khepera",
-    duration: DurationOption = None,
-    connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-) -> None:
+@takes(RecordOptions)
+def record(options: RecordOptions) -> None:
     """Record what is told of a robot: pictures, decisions, poses, infrared, the line's bytes.
 
     Foxglove and other readers of MCAP open the file as it is; so does one of a recorder that was
     killed. Ctrl-C, SIGTERM or a closed terminal ends the recording, and its file is whole.
     """
+    file = options.file
     check_file("the recording", file)
     with extra("recording"):
         from macor_hil.telemetry.recordings.recorder import record as write
-    with claim(file), open_session([], connect, zenoh_config) as session:
-        samples, not_taken = write(session, robot, file, duration)
+    with claim(file), session_of(options) as session:
+        samples, not_taken = write(session, options.robot, file, options.duration)
     typer.echo("; ".join(filter(None, [f"{file}: {samples} samples", not_taken.words()])))
 
 
 @app.command(epilog="[cyan]macor-hil replay runs/drive.mcap --speed 2[/cyan]")
-def replay(
-    file: Annotated[Path, typer.Argument(help="A recording of `record`.")],
-    speed: Annotated[
-        float, typer.Option(min=0.01, max=1000.0, help="Time runs so many times faster.")
-    ] = 1.0,
-    robot: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Another name than the recorded robot's.")
-    ] = None,
-    listen: Annotated[
-        list[str], typer.Option(metavar="ENDPOINT", help="Where watchers find it.")
-    ] = [CONTROLLER_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-) -> None:
+@takes(ReplayOptions)
+def replay(options: ReplayOptions) -> None:
     """Publish a recording again, with its times: every monitor works on it."""
     with extra("recording"):
         from macor_hil.telemetry.recordings.recording import play_recording
     from macor_hil.telemetry.recordings.player import Player, play
 
-    name, events = play_recording(file)
+    name, events = play_recording(options.file)
     with (
-        open_session(listen, [], zenoh_config) as session,
-        Player(session, robot or name) as player,
+        open_session(options.listen, [], options.zenoh_config) as session,
+        Player(session, options.robot or name) as player,
         kept(lambda: f"{player.published} events were published; the same command begins anew"),
     ):
-        count = play(events, player, speed)
-    typer.echo(f"{file}: {count} events of {printable(name)}")
+        count = play(events, player, options.speed)
+    typer.echo(f"{options.file}: {count} events of {printable(name)}")
 
 
 @app.command(
     epilog="[cyan]macor-hil dashboard[/cyan]\n\n[cyan]macor-hil dashboard runs/drive.mcap[/cyan]"
 )
-def dashboard(
-    file: Annotated[
-        Path | None, typer.Argument(help="A recording to scrub through; without it: live.")
-    ] = None,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="TCP port of the page.")] = 8080,
-    robot: RobotOption = "khepera",
-    connect: ConnectOption = [CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT],  # noqa: B006
-    zenoh_config: ZenohConfigOption = None,
-) -> None:
+@takes(DashboardOptions)
+def dashboard(options: DashboardOptions) -> None:
     """Watch a robot in the browser: camera, arena, plans, activities, reinforcement, the line.
 
     The page is served to this machine only. Keys: space pauses; in a recording the arrows, Home
@@ -141,15 +167,16 @@ def dashboard(
     with ExitStack() as stack:
         open_source: Callable[[], LiveSource | RecordingSource]
         poll = None
-        if file is None:
-            session = stack.enter_context(open_session([], connect, zenoh_config))
-            live = LiveSource(stack.enter_context(Follower(session, robot, camera=True)))
+        if options.file is None:
+            session = stack.enter_context(session_of(options))
+            live = LiveSource(stack.enter_context(Follower(session, options.robot, camera=True)))
             open_source, poll = lambda: live, live.poll
         else:
             with extra("recording"):
                 from macor_hil.telemetry.recordings.recording import read_recording
-            name, events = read_recording(file)
+            name, events = read_recording(options.file)
             open_source = partial(RecordingSource, printable(name, 100), events)
+        port = options.port
         _check_free(port)
         serve(open_source, port, lambda: typer.echo(f"http://127.0.0.1:{port}"), poll)
 

@@ -3,37 +3,37 @@
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import zenoh
 
+from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.bench import Bench, PortBench, ZenohBench
-from macor_hil.hardware.cameras import Camera, open_camera
+from macor_hil.hardware.cameras import Camera
+from macor_hil.hardware.cameras.catalogue import AUTO, CameraAddress
 from macor_hil.hardware.khepera import Khepera, open_port
 from macor_hil.safety.interruption import unwind_on_signals
 
 
 @dataclass(frozen=True, slots=True)
 class Hardware:
-    """What a controller drives and sees with.
+    """Devices that a controller drives and sees with.
 
     Attributes:
+        address: of the serial port.
         robot: client of the serial line.
         camera: source of mirror images.
         bench: set-up and ground truth of an emulated robot; None for a physical one.
     """
 
+    address: PortAddress
     robot: Khepera
     camera: Camera
     bench: Bench | None
 
 
-def is_embedded(port: str) -> bool:
-    """Whether a port string means a robot inside this process."""
-    return port.startswith("khepera://")
-
-
 @contextmanager
-def robot_of(port: str, baud: int = 9600) -> Iterator[Khepera]:
+def robot_of(port: str | PortAddress, baud: int = 9600) -> Iterator[Khepera]:
     """Open the robot at a port alone; on the way out it is stopped and the port closed.
 
     SIGTERM and SIGHUP no longer end the process without that.
@@ -42,9 +42,13 @@ def robot_of(port: str, baud: int = 9600) -> Iterator[Khepera]:
         RobotError: it is not there or does not answer.
     """
     unwind_on_signals()
+    address = PortAddress.parse(port) if isinstance(port, str) else port
+
+    def open_it() -> Any:
+        return open_port(address, baud)
+
     # a robot in this process is gone with its port
-    reopen = None if is_embedded(port) else lambda: open_port(port, baud)
-    with Khepera(open_port(port, baud), reopen) as robot:
+    with Khepera(open_it(), None if address.embedded else open_it) as robot:
         robot.connect()
         yield robot
 
@@ -52,7 +56,7 @@ def robot_of(port: str, baud: int = 9600) -> Iterator[Khepera]:
 @contextmanager
 def open_hardware(
     port: str,
-    camera: str = "auto",
+    camera: str = AUTO,
     *,
     baud: int = 9600,
     session: zenoh.Session | None = None,
@@ -62,8 +66,7 @@ def open_hardware(
 
     Args:
         port: a device, or a pySerial URL such as `khepera://corridor?seed=1`.
-        camera: see `macor_hil.hardware.cameras`; `auto` is the port's own camera for `khepera://`
-            ports and the emulator's Zenoh key for others.
+        camera: see `macor_hil.hardware.cameras.catalogue`.
         baud: rate in bits a second.
         session: Zenoh session for the camera and the bench, where they are reached over it.
         name: the robot's name in Zenoh keys.
@@ -71,15 +74,15 @@ def open_hardware(
     Raises:
         RobotError, CameraError: something is not there or does not answer.
     """
-    if camera == "auto":
-        camera = "port" if is_embedded(port) else "zenoh"
+    address = PortAddress.parse(port)
     with ExitStack() as stack:
-        robot = stack.enter_context(robot_of(port, baud))
-        eyes = open_camera(camera, port=robot.port, session=session, robot=name)
-        stack.callback(eyes.close)
+        robot = stack.enter_context(robot_of(address, baud))
+        eyes = CameraAddress.parse(camera, address)  # afterwards: whatever fails, the robot stands
+        opened = eyes.open(port=robot.port, session=session, robot=name)
+        stack.callback(opened.close)
         bench: Bench | None = None
-        if is_embedded(port):
+        if address.embedded:
             bench = PortBench(robot.port)
-        elif session is not None and camera.startswith("zenoh"):
+        elif session is not None and eyes.is_emulated:
             bench = ZenohBench(session, name)
-        yield Hardware(robot, eyes, bench)
+        yield Hardware(address, robot, opened, bench)

@@ -25,6 +25,7 @@ from macor_hil.errors import (
     RobotResetError,
     SilenceError,
 )
+from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.descriptors import let_pyserial_poll
 from macor_hil.hardware.stale_links import left_behind
 
@@ -55,17 +56,19 @@ _SPOILER: Final = b"?"
 """Makes nonsense of a request whose end was lost: half a number must not be driven to."""
 
 
-def open_port(url: str, baud: int = 9600) -> Any:
+def open_port(address: str | PortAddress, baud: int = 9600) -> Any:
     """Open a serial port, 8N2, for exclusive use where the system can do that.
 
     Args:
-        url: a device such as /dev/ttyUSB0, or any pySerial URL, `khepera://` included.
+        address: a device such as /dev/ttyUSB0, or any pySerial URL, `khepera://` included.
         baud: rate in bits a second.
 
     Raises:
         LinkError: there is no such port, it is in use, its URL is wrong, or its emulator has gone.
     """
-    if url.startswith("khepera://"):
+    port = PortAddress.parse(address) if isinstance(address, str) else address
+    url = port.text
+    if port.embedded:
         try:
             import khepera_emulator  # noqa: F401 - registers the URL scheme
         except ImportError:
@@ -76,8 +79,8 @@ def open_port(url: str, baud: int = 9600) -> Any:
     let_pyserial_poll()
     if left_behind(Path(url)):
         raise LinkError(f"the emulator behind the link {url} has gone; start it again")
-    options: dict[str, Any] = {} if "://" in url else {"exclusive": True}
-    if not url.startswith("rfc2217://"):  # which has a limit of its own
+    options: dict[str, Any] = {"exclusive": True} if port.is_device else {}
+    if not port.limits_writes:
         options["write_timeout"] = _WRITE_LIMIT
     try:
         return serial.serial_for_url(

@@ -68,10 +68,10 @@ def build_brain(
         "nodes": settings.nodes,
         "commands": len(COMMANDS),
     }
-    for part in (settings.eyes, settings.clusterer, *settings.memories.values()):
-        if allowed is not None and ":" in part.use and part.use not in allowed:
+    for use in own_code(settings):
+        if allowed is not None and use not in allowed:
             raise MacorError(
-                f"it uses code of its own, {printable(part.use, 200)}, which runs when it is read;"
+                f"it uses code of its own, {printable(use, 200)}, which runs when it is read;"
                 " allow that with --allow and just this name"
             )
     eyes = _made(EYES, settings.eyes, given)
@@ -83,6 +83,12 @@ def build_brain(
         settings.reinforcement,
         settings,
     )
+
+
+def own_code(settings: MindSettings) -> list[str]:
+    """List the parts that settings name as `module:Class` or `file.py:Class`."""
+    parts = (settings.eyes, settings.clusterer, *settings.memories.values())
+    return [part.use for part in parts if ":" in part.use]
 
 
 def whereabouts(settings: MindSettings, planners: Iterable[str] = ()) -> list[str]:

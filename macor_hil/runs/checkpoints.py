@@ -4,7 +4,7 @@ With a bench that resets, a checkpoint after each session is enough for the same
 A robot's commands cannot be driven again: there every command is kept as soon as it is learned.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -17,10 +17,11 @@ from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.driver import Driver
 from macor_hil.input_files import InputError, checked
 from macor_hil.mind.brain import Brain
-from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.catalogue import build_brain, memory_for, own_code
 from macor_hil.mind.map_file import load_map, save_map
+from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.recovery import Caretaker
+from macor_hil.runs.recovery import TrainingRecovery
 from macor_hil.runs.training import Phase, Schedule, Session, Trainer
 
 _FACTS: Final = {"place": "port", "drive": "wheels or speeds"}
@@ -58,7 +59,7 @@ def train_map(
     place: str,
     hardware: tuple[Driver, Camera, Bench | None],
     progress: Callable[[int], None],
-    care: Caretaker | None = None,
+    rescue: TrainingRecovery | None = None,
     every: int = 0,
 ) -> Brain:
     """Train a map to its end, from its checkpoint if there is one.
@@ -70,7 +71,7 @@ def train_map(
         place: what is trained on (the port); a checkpoint of another place is refused.
         hardware: driver and camera, and the bench of an emulated robot.
         progress: hears how many commands have been driven in all.
-        care: gets robot and camera over failures, and asks for room on a full disk.
+        rescue: recovers robot and camera from failures, and asks for room on a full disk.
         every: commands from one checkpoint to the next within a session; 0: none within.
 
     Raises:
@@ -87,10 +88,12 @@ def train_map(
     }
     part = checkpoint_path(path)
     brain, first, done = build_brain(settings), 0, 0
+    if schedule.reactive:
+        memory_for(brain, Reactive())  # refused now, and not after all the random commands
     seen: list[list[float]] = []
     if part.exists():
         brain, first, done, seen = _resume(part, settings, schedule, facts)
-    trainer = Trainer(brain, driver, camera, bench, schedule, care)
+    trainer = Trainer(brain, driver, camera, bench, schedule, rescue)
     trainer.seen = seen
     sessions = schedule.sessions()
     progress(sessions[first].start + done if first < len(sessions) else schedule.commands)
@@ -100,7 +103,7 @@ def train_map(
         if commands_done:
             tuning = sessions[sessions_done].phase is Phase.TUNING
             state |= {"done": commands_done, "seen": trainer.seen if tuning else []}
-        _save_with_a_hand(target, brain, {**facts, **state}, care)
+        _save_with_help(target, brain, {**facts, **state}, rescue)
 
     for session in sessions[first:]:
 
@@ -118,8 +121,13 @@ def train_map(
     return brain
 
 
-def commands_kept(path: Path, schedule: Schedule) -> int:
+def commands_kept(path: Path, schedule: Schedule, allowed: Collection[str] = ()) -> int:
     """Return how many commands of a training are in the checkpoint of a map; 0 without one.
+
+    Args:
+        path: the map's file.
+        schedule: how much is trained.
+        allowed: see `load_map`.
 
     Raises:
         MapError: what is there is no checkpoint.
@@ -127,23 +135,23 @@ def commands_kept(path: Path, schedule: Schedule) -> int:
     part = checkpoint_path(path)
     if not part.exists():
         return 0
-    _, training = load_map(part)
+    _, training = load_map(part, allowed)
     sessions, first = schedule.sessions(), int(training["sessions"])
     if first >= len(sessions):
         return schedule.commands
     return sessions[first].start + int(training.get("done", 0))
 
 
-def _save_with_a_hand(
-    path: Path, brain: Brain, training: dict[str, Any], care: Caretaker | None
+def _save_with_help(
+    path: Path, brain: Brain, training: dict[str, Any], rescue: TrainingRecovery | None
 ) -> None:
     while True:
         try:
             save_map(path, brain, training)
         except MapError as error:
-            if care is None:
+            if rescue is None:
                 raise
-            care.need_a_hand(f"{error}. The robot stands; make room, and it goes on", error)
+            rescue.ask_for_help(f"{error}. The robot stands; make room, and it goes on", error)
         else:
             return
 
@@ -151,8 +159,8 @@ def _save_with_a_hand(
 def _resume(
     part: Path, settings: MindSettings, schedule: Schedule, facts: dict[str, Any]
 ) -> tuple[Brain, int, int, list[list[float]]]:
-    """The brain, sessions done, commands done of the next one, and what was seen in tuning."""
-    brain, training = load_map(part)
+    """Return the brain, sessions done, commands done of the next, and features seen in tuning."""
+    brain, training = load_map(part, own_code(settings))
     same = {name: training.get(name) == value for name, value in facts.items()}
     same["settings"] = brain.settings == settings
     if not all(same.values()):

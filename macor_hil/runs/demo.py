@@ -27,13 +27,12 @@ from khepera_protocol.zenoh.payloads import (
 )
 
 from macor_hil.errors import BenchError, MacorError
+from macor_hil.hardware.address import DEFAULT_SEED
 from macor_hil.hardware.bench import Bench, ZenohBench
-from macor_hil.runs.service import ServiceConfig, serve
+from macor_hil.runs.live_run import serve
+from macor_hil.runs.options import RunOptions
 from macor_hil.runs.trials import Trial
 from macor_hil.telemetry.session import open_session
-
-DEFAULT_SEED = 5
-"""Robot and training that are shown; the README says over how many seeds the result holds."""
 
 PLANNERS_SHOWN = ("graded", "anticipative", "reactive")
 """The planner beyond the paper, the paper's own, and the reactive system."""
@@ -200,7 +199,7 @@ def _drive(
         reinforcement.append(decision.reinforcement)
         on_step(planner, decision)
 
-    config = ServiceConfig(
+    options = RunOptions(
         port=port,
         map_file=settings.map_file,
         planner=planner,
@@ -208,7 +207,7 @@ def _drive(
         connect=(settings.emulator,),
         seed=settings.seed,
     )
-    report = serve(config, watch)
+    report = serve(options, watch)
     if report.signal:
         raise KeyboardInterrupt
     return Trial(tuple(reinforcement), report.collided, bench.truth().touched, tuple(path))

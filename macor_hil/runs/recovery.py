@@ -1,4 +1,4 @@
-"""Keeps a training on a robot going: waits for robot and camera, and asks for a hand."""
+"""Recovery from failures of robot and camera, in live runs and in training."""
 
 from collections.abc import Callable
 from typing import Final
@@ -8,18 +8,59 @@ from macor_hil.hardware.cameras.checks import CheckedCamera, is_hopeless
 from macor_hil.hardware.khepera import Khepera
 
 Ask = Callable[[str], None]
-"""Shows what a hand is needed for, and returns when that has been done."""
+"""Shows what an operator is needed for, and returns when that has been done."""
+
+_SLICE: Final = 1.0
+"""Seconds of waiting for the robot between two looks at whether the program is to end."""
 
 _PAUSE: Final = 0.2
 
 
-class Caretaker:
-    """Gets a robot in training over what befalls it.
+def wait_until_both_work(
+    robot: Khepera,
+    camera: CheckedCamera,
+    patience: float,
+    check: Callable[[], None] = lambda: None,
+) -> None:
+    """Stop the robot, and wait until it and its camera work again.
+
+    Args:
+        robot: client of the serial line.
+        camera: of the robot.
+        patience: seconds to go on trying.
+        check: raises where the program is to end.
+
+    Raises:
+        RobotError, CameraError: they do not work in time.
+    """
+    deadline = robot.clock() + patience
+    for attempt in (lambda: robot.recover(_SLICE), camera.grab):
+        _until(deadline, attempt, robot, check)
+
+
+def _until(
+    deadline: float, attempt: Callable[[], object], robot: Khepera, check: Callable[[], None]
+) -> None:
+    """Try something until it works, or until a deadline."""
+    while True:
+        check()
+        try:
+            attempt()
+        except (RobotError, CameraError):
+            if robot.clock() > deadline:
+                raise
+            robot.wait(_PAUSE)
+        else:
+            return
+
+
+class TrainingRecovery:
+    """Recovery of a training: it waits for robot and camera, and asks an operator for help.
 
     Args:
         robot, camera: what fails.
-        ask: asks an operator; None: there is none, and what needs a hand is an error.
-        patience: seconds to wait before a hand is asked for.
+        ask: asks an operator; None: there is none, and what needs one is an error.
+        patience: seconds to wait before an operator is asked.
     """
 
     def __init__(
@@ -30,7 +71,7 @@ class Caretaker:
         self._ask = ask
         self._patience = patience
 
-    def get_over(self, error: RobotError | CameraError) -> None:
+    def recover(self, error: RobotError | CameraError) -> None:
         """Stop the robot, and wait until it and its camera work again.
 
         Raises:
@@ -40,14 +81,13 @@ class Caretaker:
             raise error
         while True:
             try:
-                self._robot.recover(self._patience)
-                self._wait_for_a_picture()
+                wait_until_both_work(self._robot, self._camera, self._patience)
             except (RobotError, CameraError) as still:
-                self.need_a_hand(f"{error}. It did not go away by itself: {still}", still)
+                self.ask_for_help(f"{error}. It did not go away by itself: {still}", still)
             else:
                 return
 
-    def need_a_hand(self, what: str, failure: MacorError) -> None:
+    def ask_for_help(self, what: str, failure: MacorError) -> None:
         """Have an operator see to something.
 
         Raises:
@@ -57,23 +97,11 @@ class Caretaker:
             raise failure
         self._ask(what)
 
-    def stuck(self) -> None:
-        """Driving back does not free the robot.
+    def free(self) -> None:
+        """Have a robot freed that touches something wherever it turns.
 
         Raises:
             RobotError: nobody can help.
         """
         what = "the robot touches something wherever it turns; put it on free floor"
-        self.need_a_hand(what, RobotError(what))
-
-    def _wait_for_a_picture(self) -> None:
-        deadline = self._robot.clock() + self._patience
-        while True:
-            try:
-                self._camera.grab()
-            except CameraError:
-                if self._robot.clock() > deadline:
-                    raise
-                self._robot.wait(_PAUSE)
-            else:
-                return
+        self.ask_for_help(what, RobotError(what))

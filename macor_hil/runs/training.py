@@ -31,7 +31,7 @@ from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.agent import NO_PLAN, Agent, Choice, Seen, View
-from macor_hil.runs.recovery import Caretaker
+from macor_hil.runs.recovery import TrainingRecovery
 
 _STUCK: Final = 8
 """Collisions with the first command in a row after which driving back does not help."""
@@ -110,7 +110,7 @@ class Trainer:
         driver, camera: the robot.
         bench: reset of an emulated robot, or None.
         schedule: how much.
-        care: gets robot and camera over their failures; None: a failure ends the training.
+        rescue: recovers robot and camera from failures; None: a failure ends the training.
         witness: hears of everything that is seen after the tuning.
 
     Attributes:
@@ -124,12 +124,12 @@ class Trainer:
         camera: Camera,
         bench: Bench | None,
         schedule: Schedule,
-        care: Caretaker | None = None,
+        rescue: TrainingRecovery | None = None,
         witness: Callable[[Seen], None] = lambda _: None,
     ) -> None:
         self._witness = witness
         self.seen: list[list[float]] = []
-        self._care = care
+        self._rescue = rescue
         self._stuck = 0
         self._brain = brain
         self._driver = driver
@@ -182,7 +182,7 @@ class Trainer:
                 step = agent.step(view, choose, learn=True)
             except (RobotError, CameraError) as error:
                 # a command without a known outcome teaches nothing
-                self._get_over(error)
+                self._recover_from(error)
                 view = self._begin(agent)
                 continue
             done += 1
@@ -191,7 +191,7 @@ class Trainer:
             progress(session.start + done)
             since_begin += 1
             if step.outcome.collided or self._is_long(since_begin):
-                self._recover(rng, at_once=since_begin == 1)
+                self._move_away(rng, at_once=since_begin == 1)
                 view = self._begin(agent)
                 since_begin = 0
 
@@ -200,12 +200,12 @@ class Trainer:
             try:
                 return agent.begin(learn=True)
             except (RobotError, CameraError) as error:
-                self._get_over(error)
+                self._recover_from(error)
 
-    def _get_over(self, error: RobotError | CameraError) -> None:
-        if self._care is None:
+    def _recover_from(self, error: RobotError | CameraError) -> None:
+        if self._rescue is None:
             raise error
-        self._care.get_over(error)
+        self._rescue.recover(error)
 
     def _choice(self, phase: Phase, agent: Agent, rng: np.random.Generator) -> Choice:
         def draw() -> int:
@@ -219,7 +219,7 @@ class Trainer:
         """Whether an emulated robot has been in one place long enough."""
         return self._resetting is not None and commands >= self._schedule.episode
 
-    def _recover(self, rng: np.random.Generator, *, at_once: bool) -> None:
+    def _move_away(self, rng: np.random.Generator, *, at_once: bool) -> None:
         if self._resetting is not None:
             self._resetting.reset(Reset(random=True))
             return
@@ -228,10 +228,10 @@ class Trainer:
             if at_once:  # there was no way back worth the name
                 self._driver.turn(float(rng.uniform(-pi, pi)))
         except (RobotError, CameraError) as error:
-            self._get_over(error)
+            self._recover_from(error)
         self._stuck = self._stuck + 1 if at_once else 0
-        if self._stuck >= _STUCK and self._care is not None:
-            self._care.stuck()
+        if self._stuck >= _STUCK and self._rescue is not None:
+            self._rescue.free()
             self._stuck = 0
 
     @property

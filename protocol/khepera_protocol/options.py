@@ -133,12 +133,12 @@ def to_strings(options: BaseModel, *, defaults: bool = False) -> list[tuple[str,
     return pairs
 
 
-def read_config(path: Path, names: Sequence[str]) -> dict[str, Any]:
+def read_config(path: Path, names: Mapping[str, str]) -> dict[str, Any]:
     """Read a TOML file of options.
 
     Args:
         path: of the file; keys are options' names, with dashes or underscores.
-        names: of the options that there are.
+        names: the field of each option by the option's name, with underscores.
 
     Raises:
         OptionError: it cannot be read, or names an option that there is not.
@@ -154,10 +154,10 @@ def read_config(path: Path, names: Sequence[str]) -> dict[str, Any]:
     for key, value in document.items():
         name = key.replace("-", "_")
         if name not in names:
-            raise OptionError(f"{printable(str(path))}: {_unknown(key, names)}")
+            raise OptionError(f"{printable(str(path))}: {_unknown(key, list(names))}")
         if isinstance(value, dict):
             raise OptionError(f"{printable(str(path))}: {key} is a value, not a table")
-        values[name] = value
+        values[names[name]] = value
     return values
 
 
@@ -231,10 +231,20 @@ def _unknown(name: str, names: Sequence[str]) -> str:
     return f"unknown option {printable(name, 80)!r}; {hint}there are {', '.join(shown)}"
 
 
+def _written(parameter: Any) -> str:
+    """Return the name that an option has on the command line, with underscores."""
+    name: str = max(parameter.opts, key=len).lstrip("-").replace("-", "_")
+    return name
+
+
 def _take_config(context: typer.Context, path: Path | None) -> Path | None:
     """Let a file's values stand for the defaults of the command that is being read."""
     if path is not None and not context.resilient_parsing:
-        names = [each.name for each in context.command.params if each.name not in (None, CONFIG)]
+        names = {
+            _written(each): each.name
+            for each in context.command.params
+            if each.name not in (None, CONFIG)
+        }
         defaults: Mapping[str, Any] = context.default_map or {}
         try:
             values = read_config(path, names)

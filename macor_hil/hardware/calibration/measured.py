@@ -55,6 +55,7 @@ class Measured:
 
     Attributes:
         path: of the file.
+        course: what is driven.
         runs: that were measured, in their order.
 
     Raises:
@@ -64,7 +65,7 @@ class Measured:
     def __init__(self, profile: Path, course: Course) -> None:
         self.path = measured_path(profile)
         self.runs: list[Run] = []
-        self._course = course
+        self.course = course
         if self.path.exists():
             self.runs = self._load()
 
@@ -75,7 +76,7 @@ class Measured:
             CalibrationError: the file cannot be written.
         """
         self.runs.append(run)
-        kept = {"course": asdict(self._course), "runs": [asdict(each) for each in self.runs]}
+        kept = {"course": asdict(self.course), "runs": [asdict(each) for each in self.runs]}
         write_atomically(self.path, to_json(kept, indent=1) + b"\n", CalibrationError)
 
     def close(self) -> None:
@@ -92,7 +93,7 @@ class Measured:
                 f"the measured moves in {self.path} cannot be read: {what}; begin anew with"
                 " --restart"
             ) from None
-        if kept.course != self._course:
+        if kept.course != self.course:
             raise CalibrationError(
                 f"the measured moves in {self.path} are of another course (port, side, runs, speed"
                 " or wheels); finish that one with its own options, or begin anew with --restart"

@@ -24,7 +24,7 @@ class VideoFileCamera:
         self._sequence = -1
 
     def grab(self) -> Frame:
-        """The next picture of the file."""
+        """Return the next picture of the file."""
         image = read_video(self._capture, self._name)
         if image is None:
             raise CameraLostError(f"no more pictures from the video source {self._name!r}")
@@ -42,19 +42,19 @@ class ImagesCamera:
 
     live = False
 
-    def __init__(self, folder: str) -> None:
-        self._folder = Path(folder)
+    def __init__(self, source: str) -> None:
+        self._folder = Path(source)
         try:
             entries = sorted(self._folder.iterdir())
         except OSError as error:
-            raise CameraError(f"cannot read the folder {folder}: {error.strerror}") from None
+            raise CameraError(f"cannot read the folder {source}: {error.strerror}") from None
         self._files = [entry for entry in entries if entry.suffix.lower() in _IMAGES]
         if not self._files:
-            raise CameraError(f"the folder {folder} holds no pictures ({', '.join(_IMAGES)})")
+            raise CameraError(f"the folder {source} holds no pictures ({', '.join(_IMAGES)})")
         self._next = 0
 
     def grab(self) -> Frame:
-        """The next picture of the folder."""
+        """Return the next picture of the folder."""
         if self._next >= len(self._files):
             raise CameraLostError(
                 f"no more pictures in {self._folder}: all {len(self._files)} have been shown"
@@ -64,4 +64,4 @@ class ImagesCamera:
         return Frame(read_picture(self._files[number]), float(number), number)
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: no file is kept open."""

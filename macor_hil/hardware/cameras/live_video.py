@@ -13,7 +13,8 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from macor_hil.errors import CameraError, CameraLostError, WrongPictureError
-from macor_hil.hardware.cameras.camera import PATIENCE, Frame
+from macor_hil.hardware.cameras.camera import PATIENCE, Camera, Frame
+from macor_hil.hardware.cameras.files import VideoFileCamera
 from macor_hil.hardware.cameras.video import Capture, open_capture, open_video, read_video
 from macor_hil.safety.helper_thread import END_PATIENCE, HelperThread
 
@@ -24,8 +25,17 @@ _POLL: Final = 0.002
 """Seconds between two looks for a new picture: no lock that a Ctrl-C could leave locked."""
 
 
+def open_video_camera(source: str) -> Camera:
+    """Open a video device or stream, or a video file.
+
+    Raises:
+        CameraError: there is no such source, or OpenCV cannot open it.
+    """
+    return LiveVideoCamera(source) if is_device(source) else VideoFileCamera(source)
+
+
 def is_device(name: str) -> bool:
-    """Whether a name after `video:` means a source that shows the present."""
+    """Return True for a name of a device or a stream, which shows the present."""
     return name.isdecimal() or name.startswith("/dev/") or "://" in name
 
 
@@ -54,7 +64,7 @@ class LiveVideoCamera:
         self._thread.start()
 
     def grab(self) -> Frame:
-        """The first picture whose reading has not begun before now."""
+        """Return the first picture whose reading has not begun before now."""
         wanted = self._begun + 1
         end = time.monotonic() + PATIENCE
         while self._newest is None or self._newest.sequence < wanted:

@@ -22,9 +22,9 @@ class PortCamera:
         self._sequence = -1
 
     def grab(self) -> Frame:
-        """A picture of this moment of virtual time."""
+        """Take a picture of this moment of virtual time."""
         self._sequence += 1
         return Frame(self._port.emulator.mirror_image(), self._port.now, self._sequence)
 
     def close(self) -> None:
-        """The port owns the camera."""
+        """Do nothing: the port owns the camera."""

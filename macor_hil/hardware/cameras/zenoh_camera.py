@@ -5,6 +5,7 @@ from typing import Final
 
 import zenoh
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.keys import CAMERA
 from khepera_protocol.zenoh.payloads import Stamp
 from pydantic import ValidationError
 
@@ -24,6 +25,11 @@ _LONGEST_STAMP: Final = 1000
 _LONGEST_REASON: Final = 200
 _TIMEOUT: Final = b"Timeout"
 """What Zenoh says in the name of a source that has not answered in time."""
+
+
+def open_zenoh_camera(session: zenoh.Session, robot: str, source: str = "") -> "ZenohCamera":
+    """Open the camera on a Zenoh key, or without one the emulator's camera of a robot."""
+    return ZenohCamera(session, source or CAMERA.of(robot))
 
 
 class ZenohCamera:

@@ -1,13 +1,13 @@
-"""What several commands have in common: their options, the hardware they open, how they report."""
+"""Functions that several commands share: hardware that they open, and progress that they show."""
 
 import os
 import select
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
-from typing import Annotated, Final
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from typing import Final
 
 import typer
+import zenoh
 from khepera_protocol.extras import how_to_install
 from khepera_protocol.zenoh.controller_payloads import Decision
 from rich.console import Console
@@ -21,10 +21,10 @@ from rich.progress import (
 )
 
 from macor_hil.errors import MacorError
-from macor_hil.hardware.cameras import Camera, open_camera
-from macor_hil.hardware.devices import Hardware, is_embedded, open_hardware
+from macor_hil.hardware.cameras import Camera
+from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.line import open_port
-from macor_hil.runs.demo import DEFAULT_SEED
+from macor_hil.hardware.options import DeviceOptions, ZenohOptions
 from macor_hil.telemetry.session import open_session
 
 COLUMNS = (
@@ -38,53 +38,9 @@ _INPUT: Final = 0
 _LOOK: Final = 100
 """Milliseconds between two looks for a signal."""
 
-DEFAULT_PORT = f"khepera://corridor?seed={DEFAULT_SEED}"
-DEFAULT_MAP = Path("runs/corridor.npz")
-
-PortOption = Annotated[
-    str, typer.Option(help="Serial device or pySerial URL; khepera://ARENA is a robot in-process.")
-]
-CameraOption = Annotated[
-    str,
-    typer.Option(help="auto, port, zenoh\\[:KEY], video:DEVICE, video:FILE or images:FOLDER."),
-]
-BaudOption = Annotated[int, typer.Option(min=1200, help="Rate of the serial line, bits a second.")]
-MapOption = Annotated[Path, typer.Option("--map", help="Map file.")]
-RobotOption = Annotated[str, typer.Option(metavar="NAME", help="The robot's name in Zenoh keys.")]
-ConnectOption = Annotated[
-    list[str], typer.Option(metavar="ENDPOINT", help="Zenoh peers, there now or later.")
-]
-ZenohConfigOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Zenoh's own configuration (JSON5), for routers, TLS and access control; --listen and"
-        " --connect then do not count. Examples: docs/zenoh.",
-    ),
-]
-ProfileOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE", help="What was measured on this robot: its wheels, its camera's mirror."
-    ),
-]
-SpeedOption = Annotated[
-    int,
-    typer.Option(min=1, max=127, help="Greatest speed of a wheel, counts / 10 ms (8 mm/s each)."),
-]
-InfraredOption = Annotated[
-    int,
-    typer.Option(
-        min=1,
-        max=1023,
-        help="Proximity reading from which on the robot stops: it counts as touching.",
-    ),
-]
-SeedOption = Annotated[int, typer.Option(min=0, help="Seed of all random choices.")]
-
 
 def decision_line(decision: Decision) -> str:
-    """One line for a decision: what was seen, weighed and done."""
+    """Return a line for a decision: what was seen, weighed and done."""
     values = "  ".join(
         f"{a.command} {'  -  ' if a.evaluation is None else f'{a.evaluation:5.2f}'}"
         for a in decision.alternatives
@@ -97,46 +53,49 @@ def decision_line(decision: Decision) -> str:
 
 
 @contextmanager
-def hardware_of(
-    port: str,
-    camera: str,
-    baud: int,
-    robot: str,
-    connect: list[str],
-    zenoh_config: Path | None = None,
-) -> Iterator[Hardware]:
-    """The hardware, with a Zenoh session where camera or bench are reached over one."""
+def hardware_of(options: DeviceOptions) -> Iterator[Hardware]:
+    """Open the hardware, with a Zenoh session where camera or bench are reached over one."""
     with ExitStack() as stack:
         session = None
-        if camera.startswith("zenoh") or (camera == "auto" and not is_embedded(port)):
-            session = stack.enter_context(open_session([], connect, zenoh_config))
+        if options.camera_address.needs_session:
+            session = stack.enter_context(session_of(options))
         yield stack.enter_context(
-            open_hardware(port, camera, baud=baud, session=session, name=robot)
+            open_hardware(
+                options.port,
+                options.camera,
+                baud=options.baud,
+                session=session,
+                name=options.robot,
+            )
         )
 
 
 @contextmanager
-def camera_of(
-    port: str, camera: str, robot: str, connect: list[str], zenoh_config: Path | None = None
-) -> Iterator[Camera]:
-    """A camera alone; of the robot at the port only where the port has one of its own."""
-    if camera == "auto":
-        camera = "port" if is_embedded(port) else "zenoh"
+def camera_of(options: DeviceOptions) -> Iterator[Camera]:
+    """Open a camera alone; with the robot's port only where the camera is the port's own."""
+    address = options.camera_address
     with ExitStack() as stack:
-        session = opened = None
-        if camera.startswith("zenoh"):
-            session = stack.enter_context(open_session([], connect, zenoh_config))
-        if camera == "port":
-            opened = open_port(port)
-            stack.callback(opened.close)
-        eyes = open_camera(camera, port=opened, session=session, robot=robot)
+        session = port = None
+        if address.needs_session:
+            session = stack.enter_context(session_of(options))
+        if address.needs_port:
+            port = open_port(options.address, options.baud)
+            stack.callback(port.close)
+        eyes = address.open(port=port, session=session, robot=options.robot)
         stack.callback(eyes.close)
         yield eyes
 
 
+def session_of(
+    options: ZenohOptions, listen: Sequence[str] = ()
+) -> AbstractContextManager[zenoh.Session]:
+    """Open a Zenoh session to the peers of the options."""
+    return open_session(listen, options.connect, options.zenoh_config)
+
+
 @contextmanager
 def extra(name: str) -> Iterator[None]:
-    """What is imported here comes with an extra.
+    """Say how to install the extra that a module imported within comes with.
 
     Raises:
         MacorError: it is not installed.
@@ -151,7 +110,7 @@ def extra(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def shown(hardware: Hardware, robot: str, listen: list[str]) -> Iterator[Callable[[], None]]:
+def shown(hardware: Hardware, robot: str, listen: Sequence[str]) -> Iterator[Callable[[], None]]:
     """Let watchers see arena and robot of a `khepera://` port; call again and again to tell them.
 
     Raises:
@@ -166,7 +125,7 @@ def shown(hardware: Hardware, robot: str, listen: list[str]) -> Iterator[Callabl
 
     with ExitStack() as stack:
         try:
-            channel = stack.enter_context(SideChannel(robot, listen, looking=True))
+            channel = stack.enter_context(SideChannel(robot, list(listen), looking=True))
         except EmulatorError as error:
             raise MacorError(str(error)) from None
 
@@ -193,7 +152,7 @@ class Bar:
         self._progress.console.print(line, markup=False, highlight=False)
 
     def ask(self, question: str) -> str:
-        """Ask, while the bar is away, and give the answer.
+        """Ask a question while the bar is away, and return the answer.
 
         Raises:
             MacorError: nobody can answer.

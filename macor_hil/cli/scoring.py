@@ -1,0 +1,200 @@
+"""Commands that score planners, and reproduce the paper's experiments."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from khepera_protocol.options import Cli, takes
+from khepera_protocol.zenoh.payloads import Reset
+from pydantic import Field
+from rich import box
+from rich.console import Console
+from rich.progress import Progress, TaskID
+from rich.table import Table
+
+from macor_hil.cli.common import COLUMNS, extra, hardware_of, progress_bar
+from macor_hil.cli.ending import kept
+from macor_hil.cli.paths import check_folder
+from macor_hil.errors import MacorError
+from macor_hil.hardware.bench import Bench
+from macor_hil.hardware.driver import Driver, DriveSettings
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import PLANNERS, memory_for
+from macor_hil.mind.map_file import load_map
+from macor_hil.mind.options import PartSettings
+from macor_hil.mind.planners.planner import Planner
+from macor_hil.runs.agent import Agent
+from macor_hil.runs.options import TrialOptions
+from macor_hil.runs.possible import Possible, compare, judge
+from macor_hil.runs.trials import Spread, Trial, run_trial
+from macor_hil.safety.interruption import signals_taken_over
+
+app = typer.Typer()
+
+
+class ScoredPlanners(PartSettings):
+    """Planners that are scored."""
+
+    planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names, show_default="all")] = Field(
+        default=(), description="Planner; give several: {names}; or module:Class, file.py:Class."
+    )
+
+    def names_for(self, brain: Brain) -> list[str]:
+        """List the planners, or all whose memory a brain has.
+
+        Raises:
+            MacorError: there is no such planner, a setting is wrong, or its memory is missing.
+        """
+        names = self.planner or PLANNERS.names()
+        made = list(zip(names, self.make_planners(names), strict=True))
+        for _, planner in made if self.planner else ():
+            memory_for(brain, planner)
+        return [name for name, planner in made if planner.memory in brain.memories]
+
+
+@app.command(epilog="[cyan]macor-hil trials --map runs/corridor.npz --trials 20[/cyan]")
+@takes(TrialOptions, ScoredPlanners)
+def trials(options: TrialOptions, scored: ScoredPlanners) -> None:
+    """Score planners on a map: trials of 40 commands at most, from starts near the arena's own.
+
+    Possible: the share of the commands that can be driven from the same start without a
+    collision, as a search over the arena's floor plan tells. Needless: collisions where none was
+    necessary. Ctrl-C shows the trials driven so far.
+    """
+    brain, _ = load_map(options.map_file, options.allow)
+    names = scored.names_for(brain)
+    of = options.trials * len(names)
+    results: dict[str, list[Trial]] = {}
+    possible: list[Possible] = []
+
+    def driven() -> str:
+        done = sum(map(len, results.values()))
+        return f"{done} of {of} trials were driven; the same command begins anew"
+
+    try:
+        with (
+            kept(driven),
+            signals_taken_over() as interruption,
+            hardware_of(options) as hardware,
+            progress_bar(of) as progress,
+        ):
+            bench = hardware.bench
+            if bench is None:
+                raise MacorError(f"trials need an emulated robot, which {options.port} is not")
+            possible_from = judge(bench)
+            drive = DriveSettings(speed=options.speed)
+            driver = Driver(hardware.robot, drive, interruption.check)
+            agent = Agent(brain, driver, hardware.camera)
+            for name in names:
+                of_planner = results.setdefault(name, [])
+                for k in range(options.trials):
+                    (planner,) = scored.make_planners([name])
+                    of_planner.append(_trial(agent, planner, bench, [options.seed, k]))
+                    if k == len(possible):  # every planner has the same starts
+                        possible.append(possible_from(of_planner[k].path[0]))
+                    progress(sum(map(len, results.values())))
+    finally:
+        _show(results, possible)
+
+
+def _trial(agent: Agent, planner: Planner, bench: Bench, seed: list[int]) -> Trial:
+    rng = np.random.default_rng(seed)
+    start = bench.reset(Reset(seed=int(rng.integers(2**31)))).pose
+    pose = Spread().draw(start, rng)
+    return run_trial(agent, planner, bench, Reset(pose=pose), rng)
+
+
+def _show(results: dict[str, list[Trial]], possible: list[Possible]) -> None:
+    """Print a table of all trials that were driven, and what was possible."""
+    table = Table(
+        *("planner", "commands", "reinforcement", "collided", "touched", "possible", "needless"),
+        box=box.SIMPLE_HEAD,
+        collapse_padding=True,
+        pad_edge=False,
+        title=f"{max(map(len, results.values()), default=0)} trials of each planner",
+    )
+    for name, trials in results.items():
+        if trials:
+            table.add_row(name, *_summary(trials, possible[: len(trials)]))
+    if table.rows:
+        Console().print(table)
+        typer.echo(_starts(possible))
+
+
+def _summary(results: list[Trial], possible: list[Possible]) -> list[str]:
+    lengths = np.array([trial.length for trial in results])
+    totals = np.array([trial.total for trial in results])
+    shares = compare(results, possible)
+    return [
+        f"{lengths.mean():.1f} ± {lengths.std():.1f}",
+        f"{totals.mean():.1f} ± {totals.std():.1f}",
+        str(sum(trial.collided for trial in results)),
+        str(sum(trial.touched for trial in results)),
+        "-" if shares.share is None else f"{100 * shares.share:.0f} %",
+        f"{shares.needless} of {shares.free}",
+    ]
+
+
+def _starts(possible: list[Possible]) -> str:
+    """Return a sentence on the starts from which not all commands are possible."""
+    hopeless = sum(each.length == 0 for each in possible)
+    short = sum(not each.everything for each in possible) - hopeless
+    if hopeless + short == 0:
+        return "From every start all commands are possible."
+    return (
+        f"From {hopeless} of {len(possible)} starts nothing is possible: they count in no share."
+        f" From {short} a collision is inevitable later on."
+    )
+
+
+@app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10[/cyan]")
+def reproduce(
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="figure2 to figure5 or table1 of the paper; beyond, goals, drift; peers, which"
+            " needs the extra of that name; or all but peers."
+        ),
+    ],
+    seeds: Annotated[int, typer.Option(min=1, help="Training seeds: 1 to this number.")] = 30,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Processes to share the work.", show_default="one for each processor"
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Scheduler of a dask cluster that does the work instead, such as"
+            " tcp://127.0.0.1:8786; its workers share the folder of --out.",
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="For recordings, results and the report.")] = Path(
+        "runs/reproduction"
+    ),
+) -> None:
+    """Run an experiment of the paper over many training seeds, and write a report page.
+
+    What is done stays done: a run that was interrupted goes on when started again.
+    """
+    with extra("experiments"):
+        from macor_hil.experiments import catalogue
+        from macor_hil.experiments.sweep import runner
+    chosen = catalogue.find(name)
+    check_folder("--out", out)
+    with (
+        kept(lambda: f"what is done is kept in {out}; the same command goes on from there"),
+        Progress(*COLUMNS, console=Console(stderr=True)) as bars,
+    ):
+        tasks: dict[str, TaskID] = {}
+
+        def watch(what: str, done: int, of: int) -> None:
+            if done == 0:
+                tasks[what] = bars.add_task(what, total=of)
+            bars.update(tasks[what], completed=done)
+
+        page = runner.reproduce(chosen, seeds, workers or runner.ALL, out, watch, cluster)
+    typer.echo(str(page))

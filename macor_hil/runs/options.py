@@ -1,0 +1,129 @@
+"""Options of trainings, trials and live runs, each declared once."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Final
+
+from khepera_protocol.options import Cli
+from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT
+from pydantic import Field
+
+from macor_hil.hardware.cameras.watchdog import DEFAULT_LIMIT
+from macor_hil.hardware.options import (
+    DeviceOptions,
+    DriveOptions,
+    Options,
+    ProfileOptions,
+    SeedOptions,
+    SpeedOptions,
+)
+from macor_hil.mind.options import AllowOptions, PlannerOptions
+from macor_hil.runs.training import Recovery, Schedule
+from macor_hil.runs.trials import MAX_COMMANDS
+
+_SCHEDULE: Final = Schedule()
+
+_MOST_COMMANDS: Final = 500_000
+"""Of each kind: a map of more transitions than both together would not be read again."""
+
+
+class MapOptions(Options):
+    """A map."""
+
+    map_file: Annotated[Path, Cli(flags=("--map",))] = Field(
+        default=Path("runs/corridor.npz"), description="Map file."
+    )
+
+
+class RecoveryChoice(StrEnum):
+    """Ways of going on after a collision in training."""
+
+    AUTO = "auto"
+    RESET = "reset"
+    BACK = "back"
+
+
+class TrainOptions(SeedOptions, ProfileOptions, SpeedOptions, DeviceOptions, MapOptions):
+    """A training on a robot."""
+
+    tuning: int = Field(
+        default=_SCHEDULE.tuning,
+        ge=10,
+        le=4_000,
+        description="Commands driven first, to tune the receptive fields.",
+    )
+    random: int = Field(
+        default=_SCHEDULE.random,
+        ge=0,
+        le=_MOST_COMMANDS,
+        description="Randomly selected commands.",
+    )
+    reactive: int = Field(
+        default=_SCHEDULE.reactive,
+        ge=0,
+        le=_MOST_COMMANDS,
+        description="Reactively selected commands after them; the paper's section 3.1 has"
+        " --random 11000 --reactive 2000.",
+    )
+    recovery: RecoveryChoice = Field(
+        default=RecoveryChoice.AUTO,
+        description="After a collision: drive back, or the emulator's reset.",
+    )
+    listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
+        default=(),
+        description="Where watchers find an emulated robot inside this process.",
+    )
+    restart: Annotated[bool, Cli(flags=("--restart",))] = Field(
+        default=False, description="Begin anew, even with a map or checkpoint there."
+    )
+
+    @property
+    def schedule(self) -> Schedule:
+        """How much is trained."""
+        auto = Recovery.RESET if self.address.embedded else Recovery.BACK
+        return Schedule(
+            tuning=self.tuning,
+            random=self.random,
+            reactive=self.reactive,
+            seed=self.seed,
+            recovery=auto if self.recovery is RecoveryChoice.AUTO else Recovery(self.recovery),
+        )
+
+
+class TrialOptions(SeedOptions, AllowOptions, SpeedOptions, DeviceOptions, MapOptions):
+    """Trials on an emulated robot."""
+
+    trials: int = Field(default=10, ge=1, description="Trials of each planner.")
+
+
+class RunOptions(
+    SeedOptions, AllowOptions, PlannerOptions, DriveOptions, DeviceOptions, MapOptions
+):
+    """A live run: what to drive, with what, and who may watch.
+
+    With neither `listen` nor `connect` nor `zenoh_config` there is no Zenoh session at all.
+    """
+
+    commands: int = Field(default=MAX_COMMANDS, ge=1, description="Commands to drive at most.")
+    listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
+        default=(CONTROLLER_ENDPOINT,), description="Where watchers find this controller."
+    )
+    stop_key: Annotated[bool, Cli(flags=("--stop-key",))] = Field(
+        default=False, description="Let whoever reaches macor/NAME/stop end the run."
+    )
+    camera_limit: float = Field(
+        default=DEFAULT_LIMIT,
+        ge=0.0,
+        description="Seconds of driving without a usable picture before the robot is stopped; 0:"
+        " look only when it stands.",
+    )
+    planner_limit: float = Field(
+        default=0.5,
+        ge=0.01,
+        description="Seconds of planning after which watchers are told.",
+    )
+    recovery: float = Field(
+        default=30.0,
+        ge=0.0,
+        description="Seconds to go on trying when robot or camera fail; 0: a failure ends the run.",
+    )

@@ -1,0 +1,207 @@
+"""Reports of a live run: what watchers and the caller are told while it drives."""
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
+from types import TracebackType
+from typing import Self
+
+from khepera_protocol.validation import first_fault
+from khepera_protocol.zenoh.controller_payloads import Decision, Odometry, Phase, State
+from khepera_protocol.zenoh.payload_model import MOST_TEXT
+from khepera_protocol.zenoh.payloads import Pose
+from pydantic import ValidationError
+
+from macor_hil.hardware.cameras import Camera
+from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.odometry import Wheels, integrate
+from macor_hil.mind.brain import Brain
+from macor_hil.runs.agent import Step
+from macor_hil.runs.decision_samples import decision_of, learned_of, link_of
+from macor_hil.runs.options import RunOptions
+from macor_hil.safety.interruption import Interruption
+from macor_hil.telemetry.publisher import Publisher, PublishingCamera
+from macor_hil.telemetry.steady_clock import SteadyClock
+
+_log = logging.getLogger(__name__)
+
+OnStep = Callable[[Decision], None]
+
+
+class Ending(StrEnum):
+    """Reason why a run ended, where nothing failed."""
+
+    COMMANDS = "all commands driven"
+    COLLISION = "collision"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True, slots=True)
+class RunReport:
+    """Outcome of a run.
+
+    Attributes:
+        ending: why it ended.
+        commands: how many were driven, a colliding one included.
+        reinforcement: their sum.
+        signal: what interrupted it, such as SIGTERM or the stop key; empty otherwise.
+        recoveries: failures of robot or camera that it recovered from; each cost a command.
+    """
+
+    ending: Ending
+    commands: int
+    reinforcement: float
+    signal: str = ""
+    recoveries: int = 0
+
+    @property
+    def collided(self) -> bool:
+        """True where a collision ended the run."""
+        return self.ending is Ending.COLLISION
+
+
+class RunReporter:
+    """Counts what is driven, and tells it; as a context it tells how the run ended.
+
+    Args:
+        options: of the run.
+        interruption: what may end it.
+        wheels: that odometry counts with.
+        start: where odometry begins.
+        publisher: tells watchers; None: nobody watches.
+        on_step: hears every decision when its outcome is known.
+
+    Attributes:
+        driven: commands so far.
+        total: their reinforcement.
+        recoveries: failures that the run recovered from.
+        ending: why it ended.
+    """
+
+    def __init__(
+        self,
+        options: RunOptions,
+        interruption: Interruption,
+        wheels: Wheels,
+        start: Pose,
+        publisher: Publisher | None = None,
+        on_step: OnStep | None = None,
+    ) -> None:
+        self.driven = 0
+        self.total = 0.0
+        self.recoveries = 0
+        self.ending = Ending.INTERRUPTED
+        self._interruption = interruption
+        self._options = options
+        self._wheels = wheels
+        self._odometry = Odometry(pose=start, counters=(0, 0))
+        self._publisher = publisher
+        self._on_step = on_step
+        # an embedded robot's clock begins when its port is opened
+        self._clock: Callable[[], float] = SteadyClock().seconds
+        self._time = 0.0 if options.address.embedded else self._clock()
+
+    def __enter__(self) -> Self:
+        self.say(Phase.STARTING)
+        return self
+
+    def __exit__(
+        self,
+        _: type[BaseException] | None,
+        error: BaseException | None,
+        __: TracebackType | None,
+    ) -> None:
+        if error is None:
+            signal = f" by {self._interruption.name}" if self._interruption.name else ""
+            self.say(Phase.STOPPED, f"{self.ending}{signal}")
+        else:
+            self.say(Phase.FAILED, str(error) or type(error).__name__)
+
+    def report(self) -> RunReport:
+        """Return the outcome of the run."""
+        by = self._interruption.name
+        return RunReport(self.ending, self.driven, self.total, by, self.recoveries)
+
+    def follow(self, robot: Khepera) -> None:
+        """Take the time from an embedded robot."""
+        if self._options.address.embedded:
+            self._clock = robot.clock
+
+    def watched(self, camera: Camera) -> Camera:
+        """Return a camera whose pictures watchers see, too."""
+        return PublishingCamera(camera, self._publisher.frame) if self._publisher else camera
+
+    def check(self) -> None:
+        """Raise an error where watchers are told nothing any more."""
+        if self._publisher:
+            self._publisher.check()
+
+    def learned(self, brain: Brain) -> None:
+        """Tell what is driven by."""
+        self._time = self._clock()
+        if self._publisher:
+            with _telling():
+                self._publisher.learned(learned_of(brain), self._time)
+
+    def begin(self) -> None:
+        """Tell that the robot drives, or drives again: its counters begin at 0."""
+        self._time = self._clock()
+        self._odometry = Odometry(pose=self._odometry.pose, counters=(0, 0))
+        self.say(Phase.DRIVING)
+
+    def count(self, step: Step, robot: Khepera) -> None:
+        """Count a step, and tell it."""
+        self._time = self._clock()
+        self.total += step.reinforcement
+        self.move_to(step.outcome.counters)
+        sequence, self.driven = self.driven, self.driven + 1
+        with _telling():
+            decision = decision_of(
+                step,
+                time=self._time,
+                sequence=sequence,
+                total_reinforcement=self.total,
+                odometry=self._odometry,
+            )
+            if self._publisher:
+                self._publisher.decision(decision)
+            self.say(Phase.DRIVING)
+            if self._on_step:
+                self._on_step(decision)
+        if self._publisher:
+            self._publisher.link(link_of(robot.meter.read(), self._time))
+
+    def move_to(self, counters: tuple[int, int]) -> None:
+        """Let odometry follow the wheels' counters."""
+        before = self._odometry
+        pose = integrate(before.pose, before.counters, counters, self._wheels)
+        self._odometry = Odometry(pose=pose, counters=counters)
+
+    def say(self, phase: Phase, reason: str = "") -> None:
+        """Tell how the run is, and why."""
+        if self._publisher is None:
+            return
+        options = self._options
+        with _telling():
+            state = State(
+                phase=phase,
+                planner=options.planner[:MOST_TEXT],
+                port=options.port[:MOST_TEXT],
+                camera=options.camera[:MOST_TEXT],
+                map=str(options.map_file)[:MOST_TEXT],
+                driven=self.driven,
+                limit=options.commands,
+                reason=reason[:MOST_TEXT],
+            )
+            self._publisher.state(state, self._time)
+
+
+@contextmanager
+def _telling() -> Iterator[None]:
+    """Log what is out of the bounds of its payload: a robot drives on though nobody hears of it."""
+    try:
+        yield
+    except ValidationError as error:
+        _log.warning("something could not be told: %s", first_fault(error))
