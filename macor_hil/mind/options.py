@@ -101,18 +101,16 @@ class MindOptions(PartSettings):
     )
     eyes: Annotated[str, Cli(names=EYES.names)] = Field(
         default=_DEFAULT.eyes.use,
-        description="Part that turns pictures into features: {names}; or a class of your own.",
+        description="Turns pictures into features: {names}; or a class.",
     )
     clusterer: Annotated[str, Cli(names=CLUSTERERS.names)] = Field(
         default=_DEFAULT.clusterer.use,
-        description="Part that turns features into situations: {names}; or your own.",
+        description="Turns features into situations: {names}; or a class.",
     )
     memory: Annotated[
         tuple[str, ...],
         Cli(metavar="NAME[=PART]", names=MEMORIES.names, show_default="those of all planners"),
-    ] = Field(
-        default=(), description="A memory that learns, by the name that planners ask for: {names}."
-    )
+    ] = Field(default=(), description="A memory that learns: {names}.")
     planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names)] = Field(
         default=(), description="Learn the memory that this planner reads, and no others: {names}."
     )
