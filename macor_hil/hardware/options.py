@@ -63,8 +63,8 @@ class DeviceOptions(ZenohOptions, LineOptions):
 
     camera: Annotated[str, Cli(names=CAMERAS.names)] = Field(
         default=AUTO,
-        description="auto, port, zenoh\\[:KEY], video:DEVICE, video:FILE or images:FOLDER; or a"
-        " class of your own.",
+        description="auto, port, zenoh\\[:KEY], video:DEVICE, video:FILE or images:FOLDER;"
+        " kinds are {names}; or a class of your own.",
     )
 
     @property

@@ -9,12 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from khepera_protocol.validation import first_fault
-from khepera_protocol.zenoh.controller_payloads import (
-    Decision,
-    Odometry,
-    Phase,
-    State,
-)
+from khepera_protocol.zenoh.controller_payloads import Decision, Odometry, Phase, State
 from khepera_protocol.zenoh.payload_model import MOST_TEXT
 from khepera_protocol.zenoh.payloads import Pose
 from pydantic import ValidationError

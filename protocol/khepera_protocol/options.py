@@ -44,8 +44,7 @@ class Cli:
         argument: it is given by its place and not by a name.
         show_default: text that stands for the default in the help.
         envvar: a name of the environment that is known to others, too.
-        names: lists the names that can be given, when a command is made. In the description they
-            stand for `{names}`, or else follow it.
+        names: lists what stands for `{names}` in the description, when a command is made.
     """
 
     flags: tuple[str, ...] = ()
@@ -183,8 +182,11 @@ def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     if _is_list(kind):
         (item, *_) = get_args(kind)
         kind, default = list[item], list(default)  # type: ignore[valid-type]
+    text = field.description
+    if text and cli.names:
+        text = text.replace("{names}", ", ".join(cli.names()))
     given: dict[str, Any] = {
-        "help": _help(field.description, cli),
+        "help": text,
         "metavar": cli.metavar,
         "envvar": cli.envvar,
         "show_envvar": cli.envvar is not None,
@@ -198,14 +200,6 @@ def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     return inspect.Parameter(
         name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info]
     )
-
-
-def _help(description: str | None, cli: Cli) -> str | None:
-    if cli.names is None:
-        return description
-    text, names = description or "There are {names}.", ", ".join(cli.names())
-    text = text if "{names}" in text else f"{text} There are {{names}}."
-    return text.replace("{names}", names)
 
 
 def _is_list(kind: Any) -> bool:
