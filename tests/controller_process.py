@@ -46,6 +46,9 @@ class SlowPlanner:
         return Reactive().plan(memory, now)
 
 
+OWN_PLANNERS = {"circle": f"{__file__}:Circle", "slow": f"{__file__}:SlowPlanner"}
+
+
 def break_in_mid_drive():
     """The driver's look at the sensors fails while the wheels turn, in the third command."""
     look, go = Khepera.proximity, Khepera.go_to
