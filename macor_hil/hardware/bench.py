@@ -29,7 +29,7 @@ class Bench(Protocol):
         ...
 
     def truth(self) -> Truth:
-        """Where the robot really is.
+        """Return where the robot really is.
 
         Raises:
             BenchError: the emulator does not answer.
@@ -37,7 +37,7 @@ class Bench(Protocol):
         ...
 
     def outline(self) -> Outline:
-        """The arena from above, to draw.
+        """Return the arena from above, to draw.
 
         Raises:
             BenchError: the emulator does not answer.
@@ -62,12 +62,12 @@ class PortBench:
         return truth
 
     def truth(self) -> Truth:
-        """Where the robot really is."""
+        """Return where the robot really is."""
         truth: Truth = self._emulator.truth()
         return truth
 
     def outline(self) -> Outline:
-        """The arena from above."""
+        """Return the arena from above."""
         outline: Outline = self._emulator.outline()
         return outline
 
@@ -84,11 +84,11 @@ class ZenohBench:
         return self._ask("reset", Truth, reset.model_dump_json(exclude_none=True))
 
     def truth(self) -> Truth:
-        """Where the robot really is."""
+        """Return where the robot really is."""
         return self._ask("truth", Truth)
 
     def outline(self) -> Outline:
-        """The arena from above."""
+        """Return the arena from above."""
         return self._ask("arena", Outline)
 
     def _ask(self, leaf: str, kind: type[_P], payload: str | None = None) -> _P:
