@@ -62,7 +62,7 @@ def run(options: RunOptions) -> None:
     report = serve(options, lambda decision: told(decision_line(decision)))
     driven = (
         f"{report.commands} commands, reinforcement {report.reinforcement:.2f};"
-        + (f" {report.recoveries} failures got over;" if report.recoveries else "")
+        + (f" recovered from {report.recoveries} failures;" if report.recoveries else "")
         + " the robot stands"
     )
     if report.signal:
