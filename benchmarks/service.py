@@ -24,7 +24,7 @@ from watching import Recording, recorder_and_dashboard, subscribers
 
 import macor_hil.runs.run_reporter
 from macor_hil.hardware.bench import ZenohBench
-from macor_hil.hardware.cameras.checks import CheckedCamera
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera
 from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver

@@ -227,7 +227,7 @@ def _given() -> dict[str, Any]:
 
 
 def _inputs(count: int, features: int) -> Array:
-    """Inputs along a few ways through the space, as a drive gives them."""
+    """Make inputs along a few ways through the space, as a drive gives them."""
     rng = np.random.default_rng(3)
     corners = rng.uniform(size=(6, features))
     share = (np.arange(count) * 0.07)[:, None] % 1.0
@@ -256,7 +256,7 @@ def _moment(brain: Brain, x: Array, command: int = 2) -> Moment:
 
 
 def _drive(brain: Brain) -> Iterator[Experience]:
-    """A made-up drive with collisions; each experience begins where the one before ended."""
+    """Make up a drive with collisions; each experience begins where the one before ended."""
     rng = np.random.default_rng(4)
     features = brain.eyes.size if brain.memories else _FEATURES
     inputs = _inputs(_DRIVE + 1, features)

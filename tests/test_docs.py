@@ -75,7 +75,7 @@ def test_the_commands_of_a_page_run(page, tmp_path):
         for page in PAGES
         if page.parent.name == "docs"
         for block in blocks(page)
-        if block.language == "python"
+        if block.language == "python" and not (block.file or "").startswith("test_")
     ],
 )
 def test_the_python_of_a_page_runs(code):

@@ -1,4 +1,4 @@
-"""What all learning is made of: moments, and what a command led from one to the next."""
+"""Moments, and experiences: what a command led to from one moment to the next."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class Resonance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What the robot sees at one moment.
+    """A view of the robot at one moment.
 
     Attributes:
         raw: untuned features, shape (M,).
