@@ -3,7 +3,7 @@
 Away from everything else nothing but the wheels acts on the body, and the pose follows from the
 ways of the two wheels exactly. In a period whose way would lead into a wall, tyres slip and the
 body slides: `contact`. As soon as the body could touch something that moves when it is pushed, the
-same wheels drive a rigid body in PyBullet instead: `rigid_body`. `crew` then brings all robots
+same wheels drive a rigid body in PyBullet instead: `rigid_body`. `periods` then brings all robots
 through a period together.
 """
 

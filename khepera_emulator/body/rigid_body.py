@@ -168,26 +168,15 @@ class RigidBody:
         return bool(points)
 
     def _build(self) -> int:
-        model, client = self._model, self._client
+        body = self._make()
+        self._set_dynamics(body)
+        hide(body, self._client, first=0 if self._world.shared else -1)
+        return body
 
-        def sphere(radius: float) -> int:
-            shape: int = pybullet.createCollisionShape(
-                pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client
-            )
-            return shape
-
-        hull = pybullet.createCollisionShape(
-            pybullet.GEOM_CYLINDER,
-            radius=model.radius,
-            height=model.height - _GROUND_CLEARANCE,
-            # the base frame lies on the wheel axle
-            collisionFramePosition=[
-                0,
-                0,
-                (model.height + _GROUND_CLEARANCE) / 2 - model.wheel_radius,
-            ],
-            physicsClientId=client,
-        )
+    def _make(self) -> int:
+        """Make the hull with its two wheels and two casters."""
+        model = self._model
+        radii = (model.wheel_radius, model.wheel_radius, _CASTER_RADIUS, _CASTER_RADIUS)
         half_base = self._wheel_base / 2
         caster_height = _CASTER_RADIUS - model.wheel_radius + _CASTER_LIFT
         places = [
@@ -198,16 +187,11 @@ class RigidBody:
         ]
         body: int = pybullet.createMultiBody(
             baseMass=model.mass * 0.8,
-            baseCollisionShapeIndex=hull,
+            baseCollisionShapeIndex=self._hull(),
             baseVisualShapeIndex=self._look() if self._world.shared else -1,
             basePosition=[0, 0, model.wheel_radius],
             linkMasses=[model.mass * 0.09, model.mass * 0.09, 0.001, 0.001],
-            linkCollisionShapeIndices=[
-                sphere(model.wheel_radius),
-                sphere(model.wheel_radius),
-                sphere(_CASTER_RADIUS),
-                sphere(_CASTER_RADIUS),
-            ],
+            linkCollisionShapeIndices=[self._sphere(radius) for radius in radii],
             linkVisualShapeIndices=[-1] * 4,
             linkPositions=places,
             linkOrientations=[[0, 0, 0, 1]] * 4,
@@ -216,8 +200,35 @@ class RigidBody:
             linkParentIndices=[0] * 4,
             linkJointTypes=[pybullet.JOINT_REVOLUTE] * 2 + [pybullet.JOINT_FIXED] * 2,
             linkJointAxis=[[0, 1, 0]] * 4,
-            physicsClientId=client,
+            physicsClientId=self._client,
         )
+        return body
+
+    def _hull(self) -> int:
+        model = self._model
+        hull: int = pybullet.createCollisionShape(
+            pybullet.GEOM_CYLINDER,
+            radius=model.radius,
+            height=model.height - _GROUND_CLEARANCE,
+            # the base frame lies on the wheel axle
+            collisionFramePosition=[
+                0,
+                0,
+                (model.height + _GROUND_CLEARANCE) / 2 - model.wheel_radius,
+            ],
+            physicsClientId=self._client,
+        )
+        return hull
+
+    def _sphere(self, radius: float) -> int:
+        shape: int = pybullet.createCollisionShape(
+            pybullet.GEOM_SPHERE, radius=radius, physicsClientId=self._client
+        )
+        return shape
+
+    def _set_dynamics(self, body: int) -> None:
+        """Set what slows the body down, how its parts rub, and what they meet."""
+        client = self._client
         # damping and sleep concern the whole body: given together with a link's friction,
         # PyBullet would put that friction on the base
         pybullet.changeDynamics(
@@ -238,8 +249,6 @@ class RigidBody:
                 else (FLOOR_GROUP, FLOOR_GROUP)
             )
             pybullet.setCollisionFilterGroupMask(body, link, group, mask, physicsClientId=client)
-        hide(body, client, first=0 if self._world.shared else -1)
-        return body
 
     def _look(self) -> int:
         """Shape of the hull and of the camera's mast on it, for the cameras of others."""

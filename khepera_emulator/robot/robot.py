@@ -125,7 +125,7 @@ class Robot:
     def run(self, ticks: int) -> None:
         """Let control periods pass up to the given number since the robot was made.
 
-        For a robot in a world where nothing else moves; see `crew` for others.
+        For a robot in a world where nothing else moves; see `periods` for others.
         """
         roll = self.chassis.roll
         left, right = self.wheels
