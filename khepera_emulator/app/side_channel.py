@@ -351,7 +351,7 @@ def _outline(emulator: Emulator, _: bytes) -> _Content:
 
 
 def _fresh_entries(tap: WireTap) -> Callable[[Emulator, bytes], _Content | None]:
-    """What has passed on the line since the last call; None for nothing."""
+    """Make a function that tells what has passed on the line since its last call; None: nothing."""
     told = 0
 
     def fresh(_: Emulator, __: bytes) -> _Content | None:

@@ -66,7 +66,7 @@ _Moves = tuple[float, float, float]
 """A `Motion`, as a plain tuple."""
 
 _Impulse = tuple[float, float]
-"""What a wall gives: towards the body, and along it."""
+"""Impulse of a wall: towards the body, and along it."""
 
 _Tyres = tuple[float, float, float, float]
 

@@ -39,7 +39,7 @@ _MAST_RADIUS, _MAST_HEIGHT = 0.012, 0.055
 
 
 class Arrival(NamedTuple):
-    """What a period of the dynamics has done to a robot.
+    """Motion of a robot in a period of the dynamics.
 
     Attributes:
         x, y, heading: where it is now; metres, and radians within a turn.
@@ -114,7 +114,7 @@ class RigidBody:
         )
 
     def arrive(self) -> Arrival:
-        """Where a period of the dynamics has brought it."""
+        """Tell where a period of the dynamics has brought it."""
         contact = self._touches()
         (x, y, _), turn = pybullet.getBasePositionAndOrientation(
             self.number, physicsClientId=self._client
@@ -133,7 +133,7 @@ class RigidBody:
         pybullet.changeVisualShape(self.number, -1, rgbaColor=colour, physicsClientId=self._client)
 
     def _turned(self) -> tuple[float, float]:
-        """Metres that the wheels have turned since this was last asked."""
+        """Return metres that the wheels have turned since this was last asked."""
         states = pybullet.getJointStates(self.number, _WHEELS, physicsClientId=self._client)
         before, self._wheel_angles = self._wheel_angles, (states[0][0], states[1][0])
         radius = self._model.wheel_radius
@@ -145,7 +145,7 @@ class RigidBody:
     def _torques(
         self, ways: tuple[float, float], ground_speed: tuple[float, float]
     ) -> tuple[float, float]:
-        """The most that each motor can do, in N m."""
+        """Return the most that each motor can do, in N m."""
         # a wheel pulls no harder than its tyre holds: half the weight each, friction 1
         most = self._model.mass * 9.81 / 2 * self._model.wheel_radius
         if not self._pressed:
@@ -251,7 +251,7 @@ class RigidBody:
             pybullet.setCollisionFilterGroupMask(body, link, group, mask, physicsClientId=client)
 
     def _look(self) -> int:
-        """Shape of the hull and of the camera's mast on it, for the cameras of others."""
+        """Make the shape of the hull and of the camera's mast on it, for the cameras of others."""
         model = self._model
         hull, mast = model.height - _GROUND_CLEARANCE, _MAST_HEIGHT - model.height
         look: int = pybullet.createVisualShapeArray(

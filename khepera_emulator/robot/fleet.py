@@ -21,7 +21,7 @@ from khepera_emulator.world.world import World
 
 
 class Member(Protocol):
-    """What a fleet needs of each of its robots; see `emulator.Emulator`."""
+    """One robot of a fleet; see `emulator.Emulator`."""
 
     now: float
     uart: Uart
@@ -71,7 +71,7 @@ class Fleet:
 
     @property
     def moving(self) -> bool:
-        """Whether anything moves, or is driven."""
+        """True if anything moves, or is driven."""
         return is_moving(self.world, self._robots)
 
     def join(self, member: Member) -> None:
@@ -117,12 +117,12 @@ class Fleet:
         self.now = until
 
     def gap(self, own: Footprint | None = None) -> Gap:
-        """Distances from a robot's body to the nearest thing, as everything stands now."""
+        """Return distances from a robot's body to the nearest thing, as everything stands now."""
         scene = self.world.scene(own)
         return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
 
     def gap_at_start(self, own: Member) -> Gap:
-        """The same with all things, and all robots but one, where they start."""
+        """Return the same with all things, and all robots but one, where they start."""
         starts = [each.start_pose for each in self.members if each is not own]
         movers: list[Footprint] = [footprint(part) for part in self._arena.object]
         movers += [Disc(pose.x, pose.y, self._radius, 0.0) for pose in starts]

@@ -52,7 +52,7 @@ class ArenaOptions(BaseModel):
 
     @property
     def lists(self) -> bool:
-        """Whether nothing is to be done but to list arenas."""
+        """True if nothing is to be done but to list arenas."""
         return self.generate is None and not (self.draw or self.out or self.own_colours)
 
 

@@ -53,7 +53,7 @@ app = typer.Typer(
 
 
 class LogLevel(StrEnum):
-    """How much goes to the standard error output."""
+    """Least importance of what is logged to the standard error output."""
 
     DEBUG = "debug"
     INFO = "info"
