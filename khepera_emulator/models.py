@@ -54,7 +54,7 @@ class ProximityCurve:
 
 @dataclass(frozen=True, slots=True)
 class Rom:
-    """What the first line of the banner says of the robot's ROM.
+    """The ROM of a robot, as the first line of its banner has it.
 
     Attributes:
         name: of the robot; clients look for `KHEPERA` at its beginning.

@@ -17,7 +17,7 @@ from khepera_emulator.world.free_space import pose_of
 from khepera_emulator.world.outline import outline
 
 FORMATS: Final = (".png", ".jpg", ".jpeg", ".svg", ".pdf")
-"""How the names of pictures end."""
+"""Suffixes of pictures' names."""
 
 _WIDTH = 4.8
 """Inches of the picture's longer side."""

@@ -50,7 +50,7 @@ class LineOptions(BaseModel):
 
     @property
     def on_terminal(self) -> bool:
-        """Whether the robots' lines are pseudo-terminals."""
+        """True if the robots' lines are pseudo-terminals."""
         return self.port in (None, TERMINAL) and self.tcp is None and self.rfc2217 is None
 
 

@@ -102,7 +102,7 @@ def parse_script(text: str) -> tuple[Fault, ...]:
 
 
 def script_specs(text: str) -> list[str]:
-    """The faults of a schedule, each as `parse_fault` reads it; errors as of `parse_script`."""
+    """Return the faults of a schedule, each as `parse_fault` reads it; see `parse_script`."""
     if len(text) > MAX_SCRIPT:
         raise EmulatorError(f"the fault script has more than {MAX_SCRIPT:,} characters")
     specs: list[str] = []

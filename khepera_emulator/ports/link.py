@@ -133,7 +133,7 @@ class Link:
 
 
 def _leads_to(path: Path, descriptor: int) -> bool:
-    """Whether a path is still the file that was opened."""
+    """Tell whether a path is still the file that was opened."""
     try:
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     except FileNotFoundError:

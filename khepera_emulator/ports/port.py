@@ -1,4 +1,4 @@
-"""What the daemon needs of a port: the client's end of the serial line, whatever carries it."""
+"""The interface of a port: the client's end of the serial line, whatever carries it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,10 +43,10 @@ class Port(Protocol):
 
     @property
     def url(self) -> str:
-        """What a pySerial client opens."""
+        """URL or path that a pySerial client opens."""
 
     def descriptors(self, *, room: bool, answered: bool = True) -> tuple[int, ...]:
-        """Descriptors that become readable when clients come, write or leave.
+        """Return descriptors that become readable when clients come, write or leave.
 
         Args:
             room: whether bytes will be taken; without it a client that writes wakes nobody.
@@ -54,10 +54,10 @@ class Port(Protocol):
         """
 
     def settings(self) -> LineFormat | None:
-        """What the client has set; None if nothing tells."""
+        """Return what the client has set; None if nothing tells."""
 
     def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
-        """What clients have done since the last call, in order.
+        """Return what clients have done since the last call, in order.
 
         Args:
             limit: bytes to take at most; the rest stays with the client.
@@ -69,7 +69,7 @@ class Port(Protocol):
         """
 
     def changed(self) -> bool:
-        """Whether what is handed over now could reach another client than the one last seen.
+        """Tell whether what is handed over now could reach another client than the one last seen.
 
         The next `receive` tells who has come and left.
         """

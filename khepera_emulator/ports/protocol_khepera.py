@@ -112,7 +112,7 @@ class Serial(SerialBase):
         return int(waiting)
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes; time passes to their arrival, or to the time-out.
+        """Read up to `size` bytes; time passes to their arrival, or to the time-out.
 
         Raises:
             SerialException: no time-out is set and nothing is on its way: a real port would wait
@@ -121,7 +121,7 @@ class Serial(SerialBase):
         return self.read_until(b"", size)
 
     def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
-        """Bytes up to and with `expected`, at most `size` of them; fewer after the time-out.
+        """Read bytes up to and with `expected`, at most `size` of them; fewer after the time-out.
 
         Without `expected` it is their number that counts.
 
@@ -152,7 +152,7 @@ class Serial(SerialBase):
         return taken
 
     def readline(self, size: int | None = -1, /) -> bytes:
-        """A line with its line feed; fewer bytes after the time-out."""
+        """Read a line with its line feed; fewer bytes after the time-out."""
         return self.read_until(size=None if size is None or size < 0 else size)
 
     def write(self, b: Any, /) -> int:
@@ -234,7 +234,7 @@ class Serial(SerialBase):
 
 
 def _complete(uart: Any, expected: bytes, size: int | None) -> int:
-    """How many of the bytes that are queued make up what is waited for; 0 if they do not yet."""
+    """Count the queued bytes that make up what is waited for; 0 if they do not yet."""
     if expected:
         end: int = uart.find(expected) + len(expected)
         if end >= len(expected) and (size is None or end <= size):

@@ -32,7 +32,7 @@ _LAST_RECORDS: Final = b"789"
 
 @dataclass(frozen=True, slots=True)
 class About:
-    """What tools tell of a robot.
+    """Facts that tools tell of a robot.
 
     Attributes:
         bios, protocol: versions.
@@ -49,7 +49,7 @@ class About:
 
 
 def tool_lines(word: str, arguments: tuple[str, ...], about: About) -> list[str] | None:
-    """What a tool answers; None for a word or an argument that the robot does not know.
+    """Return what a tool answers; None for a word or an argument that the robot does not know.
 
     `restart` is no tool of this kind, and the loader has a life of its own (`begins_loader`).
     """
@@ -67,12 +67,12 @@ def tool_lines(word: str, arguments: tuple[str, ...], about: About) -> list[str]
 
 
 def begins_loader(word: str, arguments: tuple[str, ...]) -> bool:
-    """Whether a tool that has answered goes on to take S-records."""
+    """Tell whether a tool that has answered goes on to take S-records."""
     return " ".join((word, *arguments)) in _LOADERS
 
 
 def set_rate(word: str, arguments: tuple[str, ...]) -> int | None:
-    """The rate that a tool that has answered sets, in bits a second."""
+    """Return the rate that a tool that has answered sets, in bits a second."""
     return int(arguments[0]) if word == "serial" and arguments else None
 
 

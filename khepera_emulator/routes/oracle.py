@@ -98,7 +98,7 @@ class _Layer(NamedTuple):
 
 
 class Oracle:
-    """Tells what is possible in an arena for one robot.
+    """Search for what is possible in an arena for one robot.
 
     Args:
         outline: the arena, with all things where they are; they count as standing still.

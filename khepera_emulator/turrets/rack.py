@@ -48,21 +48,21 @@ class Rack:
             turret.step(now)
 
     def find(self, number: int) -> MessageTurret | None:
-        """The turret that T addresses by a number."""
+        """Return the turret that T addresses by a number."""
         return self._by_number.get(number)
 
     def read_bus(self, address: int) -> int | None:
-        """The byte that a turret puts on the bus; None if no turret answers."""
+        """Return the byte that a turret puts on the bus; None if no turret answers."""
         bytes_ = (turret.read_bus(address) for turret in self._bus)
         return next((byte for byte in bytes_ if byte is not None), None)
 
     def write_bus(self, address: int, data: int) -> None:
-        """A byte on the bus for all turrets."""
+        """Put a byte on the bus for all turrets."""
         for turret in self._bus:
             turret.write_bus(address, data)
 
     def analogue(self, channel: int) -> int | None:
-        """Counts at an A/D channel that a turret drives; None if none does."""
+        """Return counts at an A/D channel that a turret drives; None if none does."""
         counts = (turret.analogue(channel) for turret in self._bus)
         return next((count for count in counts if count is not None), None)
 
