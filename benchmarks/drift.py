@@ -49,7 +49,7 @@ _SPEED, _ACCELERATION = 20, 64
 _SIDE = 1.0 / PULSE
 _CORNER = pi / 2 * WHEEL_BASE / 2 / PULSE
 _SPOT_SLIP = 2.0
-"""How much more a robot slips that turns on the spot."""
+"""The factor by which a robot slips more that turns on the spot."""
 
 _METRES = 4
 _PAUSE = 0.1
@@ -152,7 +152,7 @@ def _wrap(angle: float) -> float:
 
 
 def theory(drift: WheelDrift, legs: list[Counts]) -> Theory:
-    """What must come out: exact kinematics of the wheels, slip to first order."""
+    """Return the expected result: exact kinematics of the wheels, slip to first order."""
     counted, true = np.zeros(3), np.zeros(3)
     spread = np.zeros((3, 3))
     means, covariances = [], []
@@ -168,7 +168,7 @@ def theory(drift: WheelDrift, legs: list[Counts]) -> Theory:
 
 
 def _arc(pose: Array, ways: Array, base: float) -> Array:
-    """The pose after both wheels went their ways, in metres, on one arc."""
+    """Return the pose after both wheels went their ways, in metres, on one arc."""
     way, turn = ways.mean(), (ways[1] - ways[0]) / base
     chord = way * np.sinc(turn / 2 / pi)
     middle = pose[2] + turn / 2
@@ -268,7 +268,7 @@ def _straight_table(robots: dict[int, Errors]) -> str:
 
 
 def _agreement(robots: dict[int, Errors]) -> str:
-    """How far means of runs lie from theory, in units of what slip lets them scatter."""
+    """Return the distance of means from theory, in units of their scatter by slip."""
     head = ["way", "distance of the mean from theory", "spread, measured over theory"]
     rows = []
     for name, legs in (("cw", square(-1)), ("ccw", square(1)), ("straight", straight())):

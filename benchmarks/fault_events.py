@@ -1,4 +1,4 @@
-"""What happens beside the line: camera, emulator, router, clock."""
+"""Events beside the line: camera, emulator, router, clock."""
 
 import os
 import signal
@@ -19,9 +19,9 @@ class Event(NamedTuple):
     act: Callable[[Rig], None]
     undo: Callable[[Rig], None] = lambda _: None
     trouble: str = ""
-    """What befalls the controller's process instead."""
+    """Signals to the controller's process instead."""
     instead: str = ""
-    """What to say where there is no clock to measure a stop with."""
+    """Text where there is no clock to measure a stop with."""
 
 
 def event_row(bench: Rig, trained: Path, event: Event) -> tuple[str, ...]:

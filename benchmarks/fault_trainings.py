@@ -1,4 +1,4 @@
-"""What a training keeps of what it has learned, whatever befalls it."""
+"""Trainings under faults, and what they keep of what they have learned."""
 
 import json
 import os
@@ -48,7 +48,7 @@ def kept_through(bench: Rig, befall: Callable[[], object]) -> str:
 
 
 def ended_row(bench: Rig, trained: Path, name: str) -> tuple[str, ...]:
-    """A live run and a training are ended by a signal, and others started in their place."""
+    """End a live run and a training by a signal, and start others in their place."""
     bench.make_ready()
     number = signal.Signals[name]
     controller = bench.controller(trained, speed=2, planner="circle")
@@ -67,7 +67,7 @@ def ended_row(bench: Rig, trained: Path, name: str) -> tuple[str, ...]:
 
 
 def full_disk_row(folder: Path) -> tuple[str, ...]:
-    """A training whose disk is full; another one goes on when there is room."""
+    """Run a training whose disk is full, and another one when there is room."""
     path = folder / "full.npz"
     fields = {"path": str(path), "port": "khepera://open-box?seed=1", "random": _VIRTUAL}
     first = _start({**fields, "trouble": "full disk"})

@@ -58,7 +58,7 @@ def rows(folder: Path) -> Iterator[tuple[str, ...]]:
 
 
 def _tried(measure: Callable[..., tuple[str, ...]], *arguments: Any) -> tuple[str, ...]:
-    """A row; once more where a machine busy with others was too slow for the bench itself."""
+    """Return a row; try once more where a busy machine was too slow for the bench itself."""
     try:
         return measure(*arguments)
     except (AssertionError, BenchError):

@@ -1,4 +1,4 @@
-"""What a benchmark is, and what it gives."""
+"""Benchmarks and the figures that they give."""
 
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol
@@ -28,5 +28,5 @@ class Bench(Protocol):
 
 
 def percentile(values: list[float], share: float = 99.0) -> float:
-    """A percentile of what was measured."""
+    """Return a percentile of what was measured."""
     return float(np.percentile(values, share))

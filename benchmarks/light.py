@@ -1,4 +1,4 @@
-"""How far changes of brightness and white balance leave the situation alone: docs/light.md.
+"""Changes of brightness and white balance that leave the situation alone: docs/light.md.
 
 A map is trained in one light; pictures from places of their own are then changed as a camera
 would, and the share of them that is still taken for the same situation is counted.

@@ -49,7 +49,7 @@ class Peer:
         self._other = _open_room() if find_spec("irsim") else None
 
     def round(self) -> dict[str, float]:
-        """Steps a second of processor time, of both."""
+        """Measure steps a second of processor time, of both."""
         emulator = self._emulator
         emulator.reset(Reset(pose=AT_WALL, seed=1))
         emulator.write(SPOT)
@@ -86,7 +86,7 @@ class Peer:
 
 
 def _open_room() -> Any:
-    """The room in IR-SIM, without a window and its remarks on missing ones."""
+    """Open the room in IR-SIM, without a window and its remarks on missing ones."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     with (
         Path(os.devnull).open("w") as nowhere,

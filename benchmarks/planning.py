@@ -73,6 +73,6 @@ class Planning:
 
 
 def in_neuron(neuron: int) -> Moment:
-    """A moment of which only the neuron is known."""
+    """Return a moment of which only the neuron is known."""
     nothing = np.zeros(0)
     return Moment(nothing, nothing, Resonance(neuron // _COMMANDS, True, 1.0), neuron)

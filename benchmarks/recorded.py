@@ -1,4 +1,4 @@
-"""What was recorded on real robots: gaps in mm, angles in degrees, readings in counts."""
+"""Recordings of real robots: gaps in mm, angles in degrees, readings in counts."""
 
 from typing import Final
 

@@ -22,7 +22,7 @@ _SCANS = 200
 """Scans whose mean and standard deviation stand for one reading."""
 
 _WALL_FACE = 1.0
-"""Where the wall is, metres in front of the origin."""
+"""The place of the wall, metres in front of the origin."""
 
 _PAGE = DOCS / "sensors.md"
 
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def readings(model: Model, gap: float, off: float = 0.0) -> Array:
-    """What each sensor reads before a white wall, without noise, within its scale.
+    """Return each sensor's reading before a white wall, without noise, within its scale.
 
     Args:
         model: the robot.
@@ -52,7 +52,7 @@ def readings(model: Model, gap: float, off: float = 0.0) -> Array:
 
 
 def noisy_readings(model: Model, gap: float) -> Array:
-    """Scans before a white wall as N gives them: shape (scans, 8)."""
+    """Return scans before a white wall as N gives them: shape (scans, 8)."""
     infrared = _ring(model, wall=[{"points": [[1.005, -5.0], [1.005, 5.0]]}])
     scans = [
         [infrared.proximity(*place)[sensor] for sensor, place in enumerate(_places(model, gap))]

@@ -33,13 +33,13 @@ class Client:
         self._rest = bytearray()
 
     def by_line(self, request: bytes) -> bytes:
-        """An exchange with pySerial's own readline: a system call or two for each byte."""
+        """Exchange with pySerial's own readline: a system call or two for each byte."""
         self.port.write(request)
         line: bytes = self.port.readline()
         return line
 
     def by_chunk(self, request: bytes) -> bytes:
-        """An exchange that takes what there is and looks for the line's end in it."""
+        """Exchange by taking what there is and looking for the line's end in it."""
         port, rest = self.port, self._rest
         port.write(request)
         while (end := rest.find(b"\n")) < 0:
@@ -209,7 +209,7 @@ def _bare_pty(reply: str) -> AbstractContextManager[tuple[str, int]]:
 
 @contextmanager
 def _process(*options: str) -> Iterator[tuple[str, int]]:
-    """A Python process with a terminal; gives the line that it says at first, and its number."""
+    """Start a Python process with a terminal; yield its first line, and its number."""
     process = subprocess.Popen([sys.executable, *options], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None

@@ -14,6 +14,7 @@ from statistics import median
 from typing import Final, NamedTuple
 
 from figures import Figure, percentile
+from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.payloads import Reset
 from page import DOCS, report
 from rich.progress import track
@@ -38,7 +39,6 @@ from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 from macor_hil.runs.training import Schedule
 from macor_hil.telemetry.publisher import Publisher
-from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 
 _ROUNDS: Final = 6
@@ -66,7 +66,7 @@ _PARTS: Final[tuple[tuple[str, Part], ...]] = (
 
 
 class Drive(NamedTuple):
-    """What a drive showed, a value a decision, in seconds; its parts by name, all under ""."""
+    """The measurements of a drive, a value a decision, in seconds; parts by name, all under ""."""
 
     latencies: list[dict[str, float]]
     periods: list[float]
@@ -147,7 +147,7 @@ def main() -> None:
 
 
 def latency_figures(drives: dict[str, list[Drive]]) -> list[Figure]:
-    """A decision and its parts with nobody watching, then with others."""
+    """Measure a decision and its parts with nobody watching, then with others."""
     alone = [each for drive in drives["nobody"] for each in drive.latencies]
     whole = [each[""] for each in alone]
     figures = [
@@ -174,7 +174,7 @@ def latency_figures(drives: dict[str, list[Drive]]) -> list[Figure]:
 
 
 def watching_figures(drives: dict[str, list[Drive]]) -> list[Figure]:
-    """What a recorder and a dashboard add to a command, in the loop and beside it."""
+    """Measure what a recorder and a dashboard add to a command, in the loop and beside it."""
     alone, watched = drives["nobody"], drives["recorder and dashboard"]
     pairs = list(zip(alone, watched, strict=True))
     command = median(median(drive.periods) for drive in alone)
@@ -206,7 +206,7 @@ def _percent(part: float, whole: float) -> str:
 
 
 def _children() -> set[int]:
-    """Processes that this one started."""
+    """Return the processes that this one started."""
     tasks = Path("/proc/self/task").iterdir()
     return {int(pid) for task in tasks for pid in (task / "children").read_text().split()}
 

@@ -47,7 +47,7 @@ _CAMERA: Final = ("lost", "frozen", "late", "dark", "small", "garbage")
 
 
 class Use(NamedTuple):
-    """What a process holds: resident memory in MB, open descriptors, threads."""
+    """The resources of a process: resident memory in MB, open descriptors, threads."""
 
     memory: float
     descriptors: int
@@ -55,7 +55,7 @@ class Use(NamedTuple):
 
 
 def use_of(pid: int) -> Use:
-    """What a process holds now."""
+    """Return the resources of a process now."""
     status = Path(f"/proc/{pid}/status").read_text()
     facts = dict(line.split(":", 1) for line in status.splitlines())
     memory = int(facts["VmRSS"].split()[0]) / 1024
@@ -88,7 +88,7 @@ class Soak:
         self._lost = 0
 
     def run(self, console: Console) -> str:
-        """What to say of it in the end."""
+        """Run, and return the report of it."""
         controller, bench = self._controller, self._bench
         controller.wait_for_steps(1)
         pids = {"controller": controller.process.pid, "emulator": bench.emulator.process.pid}
@@ -111,7 +111,7 @@ class Soak:
         return self._text(uses)
 
     def _clock(self) -> float:
-        """The robot's clock; it may be asked while the emulator is stopped."""
+        """Read the robot's clock, even while the emulator is stopped."""
         while True:
             with suppress(BenchError):
                 now: float = self._bench.truth()[0]
@@ -139,7 +139,7 @@ class Soak:
         return "emulator stopped"
 
     def _watch(self) -> str:
-        """Some watchers come, look for a while or not at all, and go."""
+        """Let some watchers come, look for a while or not at all, and go."""
         endpoints = [self._bench.controller_endpoint, self._bench.endpoint]
         with ExitStack() as stack:
             for _ in range(int(self._rng.integers(1, 4))):
@@ -151,7 +151,7 @@ class Soak:
         return "watchers"
 
     def _take_in(self) -> None:
-        """What the controller has said since the last time."""
+        """Take in what the controller has said since the last time."""
         lines = [line for line in self._controller.lines if line is not None]
         for line in lines[self._seen :]:
             if line == "step":

@@ -106,7 +106,7 @@ def _row(program: str, name: str, times: list[float]) -> tuple[str, ...]:
 _TOLD: Final[Mapping[str, str]] = {
     name: f"a learner in `khepera/{name}-v0`" for name in ("Commands", "Wheels")
 }
-"""How programs are called that are no command."""
+"""Names of programs that are not a command."""
 
 
 def _stop(bench: Rig, trained: Path, cause: Cause, rng: np.random.Generator) -> float:
@@ -124,7 +124,7 @@ def _stop(bench: Rig, trained: Path, cause: Cause, rng: np.random.Generator) -> 
 
 
 def _ended(program: str, way: str) -> Cause:
-    """A program on a terminal of its own, ended in mid-drive."""
+    """Return a cause: a program on a terminal of its own, ended in mid-drive."""
 
     def end(bench: Rig, trained: Path, rng: np.random.Generator) -> None:
         drive = Drive(bench.controllers, programs(bench, trained)[program])
@@ -152,7 +152,7 @@ def _wait_for_a_moment(bench: Rig, rng: np.random.Generator) -> None:
 
 
 def _drive(bench: Rig, trained: Path, rng: np.random.Generator, **fields: Any) -> Any:
-    """A controller at a random moment of a command."""
+    """Return a controller at a random moment of a command."""
     controller = bench.controller(trained, speed=2, planner="circle", **fields)
     controller.wait_for_steps(1)
     _wait_for_a_moment(bench, rng)
@@ -184,7 +184,7 @@ def _closed_output(bench: Rig, trained: Path, rng: np.random.Generator) -> None:
 
 
 def _trouble(trouble: str, word: str, **fields: Any) -> Cause:
-    """The controller's process says a word when its trouble begins."""
+    """Return a cause: trouble in the controller's process, which says a word as it begins."""
 
     def wait(bench: Rig, trained: Path, _: np.random.Generator) -> None:
         controller = bench.controller(trained, trouble=trouble, **fields)

@@ -1,4 +1,4 @@
-"""What parts of a program take of the processor, each without the parts that it calls."""
+"""Processor time of the parts of a program, each without the parts that it calls."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping

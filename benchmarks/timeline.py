@@ -1,4 +1,4 @@
-"""When what happens in the thread that drives, and what of a decision each part takes."""
+"""The timeline of the thread that drives, and the time of each part of a decision."""
 
 import threading
 from collections import defaultdict

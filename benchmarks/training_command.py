@@ -55,7 +55,7 @@ class TrainingCommand:
         self._train(SessionKind.RANDOM, _RANDOM)
 
     def round(self) -> dict[str, float]:
-        """A session as it is, another with a stopwatch, and plans of the anticipative system."""
+        """Train a session as it is, another with a stopwatch, and plan some commands."""
         before = self._port.now
         taken = self._train(SessionKind.REACTIVE, _COMMANDS)
         found = {"command": taken / _COMMANDS, "factor": (self._port.now - before) / taken}
@@ -68,7 +68,7 @@ class TrainingCommand:
         return found | self._plan()
 
     def figures(self, medians: Mapping[str, float]) -> list[Figure]:
-        """The command, its parts, a plan."""
+        """Return figures of the command, its parts, and a plan."""
         command, factor = medians["command"], medians["factor"]
         rows = [
             Figure(

@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 from figures import Figure
 from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.payloads import Stamp
 
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival
 from macor_hil.telemetry.recordings.recording import Recorder
-from macor_hil.telemetry.schemas import Decision
 
 _PAIRS = 2000
 _PAGE = 18457
@@ -52,7 +52,7 @@ class Recording:
         return {"pairs": _PAIRS / taken, "bytes": path.stat().st_size / taken}
 
     def figures(self, medians: Mapping[str, float]) -> list[Figure]:
-        """How much faster than a robot that decides 1.3 times a second."""
+        """Return how much faster it is than a robot that decides 1.3 times a second."""
         return [
             Figure(
                 f"recorded pairs of picture ({len(self._picture) / 1000:.1f} kB) and decision/s",
@@ -81,7 +81,7 @@ def subscribers(endpoint: str, number: int, stuck: bool = False) -> Iterator[Non
 
 @contextmanager
 def recorder_and_dashboard(recording: Path, endpoints: Sequence[str]) -> Iterator[None]:
-    """A recorder and a dashboard, each a process."""
+    """Run a recorder and a dashboard, each a process."""
     connect = [word for endpoint in endpoints for word in ("--connect", endpoint)]
     command = [sys.executable, "-u", "-m", "macor_hil.cli"]
     recorder = [*command, "record", str(recording), *connect]

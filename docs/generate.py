@@ -3,13 +3,16 @@
 import sys
 from itertools import groupby
 from pathlib import Path
+from typing import get_args
 
+from khepera_protocol.options import parameters
 from khepera_protocol.serial.commands import COMMANDS, TOOLS, Beyond, Field
 from typer.main import get_command
 from typer.testing import CliRunner
 
 import khepera_emulator.app.cli
 import macor_hil.cli
+from khepera_emulator.robot.options import UrlOptions
 from macor_hil.telemetry.keys_page import keys_page
 
 DOCS = Path(__file__).parent
@@ -20,7 +23,7 @@ _NARROW = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 
 
 def commands_page() -> str:
-    """The help of both programs and all of their commands."""
+    """Return the help of both programs and all of their commands."""
     lines = [
         "# The command lines",
         "",
@@ -30,7 +33,28 @@ def commands_page() -> str:
         lines += ["", f"## {name}", "", *_help(name)]
         for command in get_command(app).commands:
             lines += ["", f"### {name} {command}", "", *_help(name, command)]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_url_options()]) + "\n"
+
+
+def _url_options() -> list[str]:
+    """Return the options of `khepera://` URLs."""
+    lines = [
+        "",
+        "## khepera:// URLs",
+        "",
+        "`khepera://ARENA?NAME=VALUE&...`: a robot in the process of a pySerial program, as in",
+        "[the ports](ports.md#in-process). ARENA is a name, or the path of a TOML file, in which",
+        "`%`, `#` and `?` are written as `%25`, `%23` and `%3F`.",
+        "",
+        "| option | what it is | without it |",
+        "|---|---|---|",
+    ]
+    for parameter in parameters(UrlOptions):
+        name, info = parameter.name.replace("_", "-"), get_args(parameter.annotation)[1]
+        if name != "arena":
+            default = "" if parameter.default in (None, []) else f"`{parameter.default}`"
+            lines.append(f"| `{name}` | {_cell(info.help)} | {default} |")
+    return lines
 
 
 def _help(program: str, *command: str) -> list[str]:
@@ -41,7 +65,7 @@ def _help(program: str, *command: str) -> list[str]:
 
 
 def protocol_page() -> str:
-    """The table of serial commands."""
+    """Return the table of serial commands."""
     lines = [
         "# The serial protocol",
         "",
@@ -78,7 +102,7 @@ PAGES = {"keys.md": keys_page, "commands.md": commands_page, "protocol.md": prot
 
 
 def _fields(fields: tuple[Field, ...], *, asked: bool) -> str:
-    """Fields of a request or a reply; neighbours of the same range and unit together."""
+    """Describe the fields of a request or a reply, neighbours of one range and unit together."""
     groups = groupby(fields, key=lambda field: _details(field, asked=asked))
     return _cell(
         ", ".join(

@@ -54,7 +54,7 @@ class Policy:
             self._weights = np.array([_fit(before[c], target[c]) for c in chosen])
 
     def __call__(self, seen):
-        """The command for what is seen."""
+        """Return the command for what is seen."""
         return int(np.argmax(self._weights @ self._inputs(seen)))
 
     def _inputs(self, seen):

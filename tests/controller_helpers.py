@@ -1,4 +1,4 @@
-"""What the tests of service, telemetry and monitor have in common."""
+"""Helpers of the tests of service, telemetry and monitor."""
 
 import time
 from contextlib import contextmanager
@@ -6,11 +6,7 @@ from queue import SimpleQueue
 
 import numpy as np
 from emulator_process import PATIENCE, free_endpoint
-from khepera_protocol.zenoh.payloads import Pose
-
-from macor_hil.hardware.cameras import Frame
-from macor_hil.telemetry.publisher import Publisher
-from macor_hil.telemetry.schemas import (
+from khepera_protocol.zenoh.controller_payloads import (
     Ahead,
     Alternative,
     Decision,
@@ -20,6 +16,10 @@ from macor_hil.telemetry.schemas import (
     Situation,
     State,
 )
+from khepera_protocol.zenoh.payloads import Pose
+
+from macor_hil.hardware.cameras import Frame
+from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
 
 

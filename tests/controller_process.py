@@ -20,9 +20,6 @@ from macor_hil.runs.options import RunOptions
 
 SLOW = 2.5
 
-OWN = {"circle": f"{__file__}:Circle", "slow": f"{__file__}:SlowPlanner"}
-"""Planners that are defined here."""
-
 
 class Circle:
     """Left for ever: a circle of 10 cm radius."""
@@ -47,6 +44,9 @@ class SlowPlanner:
             print("slow", flush=True)
             time.sleep(SLOW)
         return Reactive().plan(memory, now)
+
+
+OWN_PLANNERS = {"circle": f"{__file__}:Circle", "slow": f"{__file__}:SlowPlanner"}
 
 
 def break_in_mid_drive():
@@ -92,7 +92,8 @@ def main():
         jump()
     forever = fields.pop("forever", False)
     options = RunOptions(**fields)
-    options = options.model_copy(update={"planner": OWN.get(options.planner, options.planner)})
+    planner = OWN_PLANNERS.get(options.planner, options.planner)
+    options = options.model_copy(update={"planner": planner})
     while not run(options) and forever:
         pass
 

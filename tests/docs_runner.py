@@ -76,7 +76,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def elsewhere(command: str) -> str | None:
-    """Why a command is not run here; None if it is."""
+    """Return the reason not to run a command here; None to run it."""
     return next((why for what, why in ELSEWHERE.items() if re.match(what, command)), None)
 
 

@@ -204,7 +204,7 @@ WAYS_OUT = {
     "SIGQUIT": lambda drive: drive.signal(signal.SIGQUIT),
     "terminal closed": Drive.close_terminal,
 }
-"""What may end any of them."""
+"""Events that may end any of them."""
 
 STATUSES = {"Ctrl-C": 130, "SIGTERM": 0, "SIGHUP": 0, "SIGQUIT": 130, "terminal closed": 0}
-"""How a command of `macor-hil` then ends."""
+"""The end of a command of `macor-hil` then."""

@@ -1,4 +1,4 @@
-"""What programs may do at a robot's line, in any order, as a state machine for Hypothesis.
+"""Actions of programs at a robot's line, in any order, as a state machine for Hypothesis.
 
 The robot is in-process, so that steps take no real time. Whatever was done before, a line without
 faults answers each request with one reply of its form and says nothing unasked; a line with faults

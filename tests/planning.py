@@ -22,5 +22,5 @@ def square(transitions: SensorimotorMap, what: str) -> np.ndarray:
 
 
 def plan(planner: Planner, transitions: SensorimotorMap, start: int) -> Plan:
-    """What a planner makes of a map at a neuron."""
+    """Return a planner's plan with a map at a neuron."""
     return planner.plan(transitions, moment(start))

@@ -68,7 +68,7 @@ def fetch(folder: Path) -> Path:
 
 
 def run(suite: Path, url: str) -> str:
-    """What the suite says of a port."""
+    """Return the suite's report on a port."""
     command = [sys.executable, "run_all_tests.py", url, "-v"]
     done = subprocess.run(
         command,

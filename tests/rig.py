@@ -215,7 +215,7 @@ class Rig:
         return samples
 
     def stops_within(self, limit, attempt, attempts=3):
-        """Whether the robot comes to stand in time; a machine busy with others gets more tries.
+        """Return whether the robot stops in time; a machine busy with others gets more tries.
 
         `attempt` makes it stop. A robot that only ends its command takes more than a second.
         """

@@ -1,4 +1,4 @@
-"""What much use does to a running emulator: garbage, reopenings, killed clients, none that reads.
+"""Much use of a running emulator: garbage, reopenings, killed clients, none that reads.
 
 Each function does one of these to the robot at a place, and checks that the next good request is
 answered at once, by its own reply. Short forms are tests; `make soak` does the long ones.
@@ -67,14 +67,14 @@ _TAIL = 64
 
 
 class Use(NamedTuple):
-    """What a process holds of the machine."""
+    """The resources of a process."""
 
     kilobytes: int
     files: int
 
 
 class Fuzzed(NamedTuple):
-    """What fuzzed bytes have done.
+    """The effects of fuzzed bytes.
 
     Attributes:
         before: what was in use after a tenth of them.
@@ -88,7 +88,7 @@ class Fuzzed(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where a robot is, and the process that it is in."""
+    """The place of a robot, and the process that it is in."""
 
     kind: str
     url: str

@@ -9,7 +9,7 @@ from dashboard_process import PATIENCE, dashboard
 from watching_helpers import a_life
 
 from macor_hil.telemetry.feed import Arrival
-from macor_hil.telemetry.recordings.player import Stage
+from macor_hil.telemetry.recordings.player import Player
 from macor_hil.telemetry.session import open_session
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -84,12 +84,12 @@ def test_a_robot_appears_drives_goes_and_comes_again(browser):
         until(browser, says("waiting for a robot"))
         wait_until_watched(session, "macor/khepera/decision", "khepera/khepera/truth")
         for _ in range(2):
-            with Stage(session, "khepera") as stage:
-                stage.show(life[0])
+            with Player(session, "khepera") as player:
+                player.publish(life[0])
                 until(browser, says("robot there, nobody drives it"))
                 driven = iter(range(4))
                 for event in life[1:-2]:
-                    stage.show(event)
+                    player.publish(event)
                     # a watcher that cannot follow loses decisions, as it should
                     if isinstance(event, Arrival) and event.leaf == "state":
                         until(browser, says(f"driving, {next(driven)} of 40 commands"))
@@ -142,7 +142,7 @@ def test_every_page_plays_a_recording_for_itself(browser, recording):
 
 
 def hosts(browser):
-    """Where the page asked for anything."""
+    """Return the hosts that the page asked for anything."""
     log = "".join(each["message"] for each in browser.get_log("performance"))
     return set(re.findall(r'"url":"(?:https?|wss?)://([^:/"]+)', log))
 

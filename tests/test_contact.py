@@ -45,7 +45,7 @@ def drive(walls, pose, speeds, periods, *, rigid=False, model=KHEPERA):
     ids=str,
 )
 def test_a_second_at_a_wall_is_as_in_pybullet(angle, speeds):
-    """Where the body slides and how it turns.
+    """Return where the body slides and how it turns.
 
     PyBullet's tyres, once they slip, hold better aside than ahead; so bodies that meet a wall at a
     flat angle turn faster there.

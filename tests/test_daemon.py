@@ -25,7 +25,7 @@ from khepera_emulator.app.cli.program import run
 from khepera_emulator.app.daemon import Daemon, _Line
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.body.drift import PRESETS
-from khepera_emulator.clock import Clock
+from khepera_emulator.line.clock import Clock
 from khepera_emulator.line.uart import INTERPRETER_TIME
 from khepera_emulator.ports import tcp
 from khepera_emulator.ports.pty import PtyPort
@@ -295,10 +295,11 @@ class TestEnd:
     @pytest.mark.parametrize("step", ["load_arena", "make_fleet", "open_port"])
     def test_signal_ends_it_cleanly_before_it_is_ready(self, tmp_path, number, status, step):
         """A signal that comes with one of the steps to a running robot."""
+        module = "robot.options" if step == "load_arena" else "app.serving"
         script = (
-            "import os, sys, khepera_emulator.app.cli.commands, khepera_emulator.robot.emulator\n"
+            "import os, sys, khepera_emulator.app.serving, khepera_emulator.robot.options\n"
             "from khepera_emulator.app.cli import main\n"
-            f"module = khepera_emulator.{'emulator' if step == 'make_fleet' else 'cli.commands'}\n"
+            f"module = khepera_emulator.{module}\n"
             f"do = module.{step}\n"
             "def disturbed(*arguments, **options):\n"
             f"    os.kill(os.getpid(), {int(number)})\n"
@@ -422,7 +423,8 @@ from khepera_emulator.arenas.arena import arena_names
 from khepera_emulator.app.cli import commands
 from khepera_emulator.app.cli import program
 from khepera_emulator.app import daemon
-from khepera_emulator.robot.robot import emulator
+from khepera_emulator.robot import emulator
+from khepera_emulator.app import serving
 from khepera_emulator.app import side_channel
 from khepera_emulator import turrets
 arena_names()
@@ -548,7 +550,8 @@ def in_thread(baud, clock):
     """A daemon in this process, to look into its robot afterwards."""
     emulated = Emulator(Setup(load_arena("corridor"), drift=PRESETS["none"], baud=baud))
     port = PtyPort()
-    daemon = Daemon(emulated, port, clock, follow_rate=False)
+    daemon = Daemon(emulated, clock)
+    daemon.add(emulated, port, follow_rate=False)
     if baud:
         with serial.Serial(port.url, baud):
             pass  # as `stty` would: it is the same rate for all that follow

@@ -7,17 +7,17 @@ from math import radians
 
 import pytest
 from controller_helpers import a_decision, a_state
+from khepera_protocol.zenoh.controller_payloads import Phase
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
 from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire, WireEntry
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts, ticks
 from macor_hil.monitor.dashboard.failures import Failures, OnceEach
-from macor_hil.monitor.dashboard.sources import Player
-from macor_hil.monitor.robot_state import Controlled, Emulated, Watched
+from macor_hil.monitor.dashboard.sources import RecordingSource
+from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Presence
-from macor_hil.telemetry.schemas import Phase
 
 
 def parsed(svg):
@@ -29,7 +29,7 @@ def of_kind(svg, kind):
 
 
 def a_watched(**changes):
-    watched = Watched("khepera", Controlled(alive=True, met=True, state=a_state()))
+    watched = RobotState("khepera", Controlled(alive=True, met=True, state=a_state()))
     watched.controlled.learned = learned()
     watched.emulated = Emulated(alive=True, outline=EXAMPLES[Outline])
     watched.emulated.place(truth(0.5, 0.1))
@@ -53,12 +53,12 @@ DRAWINGS = {
 
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_every_drawing_is_well_formed_and_titled_whatever_is_known(name):
-    for watched in (Watched("khepera"), a_watched()):
+    for watched in (RobotState("khepera"), a_watched()):
         root = parsed(DRAWINGS[name](watched))
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
         assert root.find("{http://www.w3.org/2000/svg}title").text
     # at any moment of a life
-    watched = Watched("khepera")
+    watched = RobotState("khepera")
     for event in a_life():
         watched.take(event)
         parsed(DRAWINGS[name](watched))
@@ -99,7 +99,7 @@ def test_sequences_begin_where_the_robot_was_when_it_decided():
 
 
 def test_without_an_emulator_the_odometry_is_drawn():
-    watched = Watched("khepera", Controlled(learned=learned()))
+    watched = RobotState("khepera", Controlled(learned=learned()))
     for k in range(3):
         watched.controlled.decide(a_decision(k), None)
     path = arena.driven_path(watched)
@@ -190,7 +190,7 @@ def test_what_is_done_again_and_again_outlives_failures_and_counts_on_no_wall_cl
 
 
 def test_the_status_tells_who_is_there():
-    watched = Watched("khepera")
+    watched = RobotState("khepera")
     assert texts.status(watched, 0.0)[0] == "waiting for a robot"
     watched.emulated.alive = True
     assert texts.status(watched, 0.0)[0] == "robot there, nobody drives it"
@@ -205,7 +205,7 @@ def on_the_line(*requests):
 
 
 def test_a_program_on_the_line_is_not_nobody():
-    watched = Watched("khepera", emulated=Emulated(alive=True))
+    watched = RobotState("khepera", emulated=Emulated(alive=True))
     watched.emulated.pass_by(on_the_line("N\n", "H\n"), 10.0)
     assert texts.status(watched, 11.0)[0] == "robot there, a program talks to it"
     assert texts.status(watched, 20.0)[0] == "robot there, nobody drives it"
@@ -239,7 +239,7 @@ def test_nothing_of_a_robot_that_has_gone_looks_alive():
 
 
 def test_replies_that_came_in_pieces_are_one_line():
-    watched = Watched("khepera")
+    watched = RobotState("khepera")
     for what, text in (("request", "B\n"), ("reply", "b,5."), ("reply", "01\r\n"), ("close", "")):
         watched.emulated.wire.append(WireEntry(time=0.0, what=what, text=text))
     assert texts.wire(watched) == "> B\n< b,5.01\nclose "
@@ -253,7 +253,7 @@ class Clock:
 
 
 def test_a_recording_is_scrubbed_forth_and_back():
-    player = Player("khepera", a_life(3), Clock())
+    player = RecordingSource("khepera", a_life(3), Clock())
     player.seek(2.9)
     assert player.watched.controlled.decision.sequence == 1
     version = player.watched.version
@@ -271,7 +271,7 @@ def test_a_recording_is_scrubbed_forth_and_back():
 
 def test_playing_takes_its_time_and_ends():
     clock = Clock()
-    player = Player("khepera", a_life(3), clock)
+    player = RecordingSource("khepera", a_life(3), clock)
     player.speed = 2.0
     clock.now = 0.75
     player.poll()
@@ -291,7 +291,7 @@ def test_playing_takes_its_time_and_ends():
 
 def test_each_page_plays_a_recording_for_itself():
     events = a_life(3)
-    first, second = (Player("khepera", events, Clock()) for _ in range(2))
+    first, second = (RecordingSource("khepera", events, Clock()) for _ in range(2))
     first.seek(2.9)
     second.toggle()
     assert (first.position, first.playing) == (2.9, True)
@@ -300,7 +300,7 @@ def test_each_page_plays_a_recording_for_itself():
 
 def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near():
     events = a_life(1000)
-    player = Player("khepera", events, Clock())
+    player = RecordingSource("khepera", events, Clock())
     player.seek(1e9)
     steps = 0
     while player.watched.controlled.alive or player.watched.controlled.decision is None:
@@ -313,7 +313,7 @@ def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near():
     player.watched.take = taken.append  # what was known near there is enough
     player.seek(player.duration - 1.0)
     assert not taken
-    direct = Watched("khepera")
+    direct = RobotState("khepera")
     for event in events:
         if event.received <= BEGIN + round((player.duration - 1.0) * SECOND):
             direct.take(event)
@@ -324,7 +324,7 @@ def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near():
 
 @pytest.mark.parametrize("nowhere", [float("nan"), float("inf"), -float("inf")])
 def test_seeking_to_no_moment_stays_in_the_recording(nowhere):
-    player = Player("khepera", a_life(3), Clock())
+    player = RecordingSource("khepera", a_life(3), Clock())
     player.seek(1.0)
     player.seek(nowhere)
     assert 0.0 <= player.position <= player.duration

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 from emulator_process import PATIENCE, emulator, free_endpoint
+from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE, EMULATOR_ALIVE
 from khepera_protocol.zenoh.payloads import (
     CONTROLLER_ENDPOINT,
     DEFAULT_ENDPOINT,
-    controller_key,
-    robot_key,
 )
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
@@ -46,7 +45,7 @@ def words(text):
 
 
 def is_command(program, arguments):
-    """Whether a program takes such arguments: unknown options are errors, not help."""
+    """Return whether a program takes such arguments: unknown options are errors, not help."""
     return CliRunner().invoke(APPS[program], [*arguments, "--help"]).exit_code == 0
 
 
@@ -81,8 +80,8 @@ def test_an_image_has_no_rights_and_stops_by_a_signal_that_stops_the_robot(image
 @pytest.mark.parametrize(
     ("image", "endpoint", "key"),
     [
-        ("emulator", DEFAULT_ENDPOINT, robot_key("*", "alive")),
-        ("controller", CONTROLLER_ENDPOINT, controller_key("*", "alive")),
+        ("emulator", DEFAULT_ENDPOINT, EMULATOR_ALIVE.of("*")),
+        ("controller", CONTROLLER_ENDPOINT, CONTROLLER_ALIVE.of("*")),
     ],
 )
 def test_health_is_asked_where_the_program_listens(image, endpoint, key):
@@ -92,7 +91,7 @@ def test_health_is_asked_where_the_program_listens(image, endpoint, key):
 
 def test_health_is_that_of_the_robot():
     endpoint = free_endpoint()
-    command = [sys.executable, HEALTH, endpoint, robot_key("*", "alive")]
+    command = [sys.executable, HEALTH, endpoint, EMULATOR_ALIVE.of("*")]
     with emulator("--listen", endpoint):
         assert subprocess.run(command, timeout=PATIENCE, check=False).returncode == 0
     assert subprocess.run(command, timeout=PATIENCE, check=False).returncode == 1

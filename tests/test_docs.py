@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import pydoc
 import re
 import shlex
 import shutil
@@ -21,6 +22,10 @@ from macor_hil.cli import app as controller
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 APPS = {"macor-hil": controller, "khepera-emulator": emulator}
 RUNNER = Path(__file__).with_name("docs_runner.py")
+PACKAGES = ("khepera_protocol", "khepera_emulator", "macor_hil")
+FOLDERS = ("benchmarks", "docker", "docs", "examples", "protocol", "tests", *PACKAGES)
+PROGRAM_FILES = [file for folder in FOLDERS for file in (ROOT / folder).rglob("*.py")]
+PATH = rf"(?<![\w./-])(?:(?:[\w-]+/)*[\w-]+\.py\b|(?:{'|'.join(FOLDERS)})/[\w./-]*)"
 VARIABLE = re.compile(r"[A-Z_]+=")
 NETWORK = ["unshare", "--map-root-user", "--net", "--pid", "--fork", "--kill-child"]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
@@ -126,6 +131,17 @@ def test_every_block_closes(page):
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
         assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
+def test_names_of_code_are_those_of_the_code(page):
+    fences = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
+    for code in re.findall(r"`([^`]+)`", fences.sub("", page.read_text("utf-8"))):
+        for name in re.findall(rf"\b(?:{'|'.join(PACKAGES)})(?:\.\w+)+", code):
+            assert pydoc.locate(name) is not None, name
+        for path in re.findall(PATH, code):
+            there = (ROOT / path).exists() or any(file.match(path) for file in PROGRAM_FILES)
+            assert there or path.startswith("my_"), path
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))

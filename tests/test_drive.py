@@ -33,7 +33,7 @@ class Drive:
         return max(map(abs, self.emulator.truth().speed))
 
     def stands(self, settling=0.1):
-        """Whether it is at rest when its controllers have settled, sooner than any command ends."""
+        """Return whether it is at rest once its controllers have settled, before a command ends."""
         self.emulator.advance(self.emulator.now + settling)
         return self.speed() < STANDING
 

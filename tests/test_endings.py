@@ -1,4 +1,4 @@
-"""How the commands of `macor-hil` end: statuses, what is said, what is left behind."""
+"""Endings of the commands of `macor-hil`: statuses, what is said, what is left behind."""
 
 import os
 import re

@@ -34,7 +34,7 @@ from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.figure2 import FIGURE2
 from macor_hil.experiments.figure3 import FIGURE3
 from macor_hil.experiments.figure4 import FIGURE4
-from macor_hil.experiments.report.blocks import Table
+from macor_hil.experiments.report.elements import Table
 from macor_hil.experiments.results import code_digest as sources
 from macor_hil.experiments.results.code_digest import bare_code, code_of, digest
 from macor_hil.experiments.results.store import ResultsFile, only_one
@@ -330,12 +330,13 @@ OURS = ("khepera_protocol", "khepera_emulator", "macor_hil")
 REPORTS = {
     "macor_hil.experiments.experiment",
     "macor_hil.experiments.report",
-    "macor_hil.experiments.report.blocks",
+    "macor_hil.experiments.report.elements",
     "macor_hil.experiments.report.drawing",
     "macor_hil.experiments.report.statistics",
+    "macor_hil.monitor",
     "macor_hil.monitor.pictures",
 }
-"""What experiments draw and tell with."""
+"""Modules that experiments draw and tell with."""
 
 
 def loaded_by(program: str) -> set[str]:
@@ -407,7 +408,7 @@ def longer(name: str) -> Callable[[str], str]:
         ("macor_hil/experiments/figure2.py", longer("trial"), False, False),
         ("macor_hil/mind/clusterers/neural_gas.py", extended, False, False),
         ("macor_hil/monitor/pictures.py", extended, False, False),
-        ("macor_hil/ros2/bridge.py", extended, False, False),
+        ("macor_hil/telemetry/ros2/bridge.py", extended, False, False),
         ("macor_hil/telemetry/publisher.py", extended, False, False),
         ("macor_hil/monitor/terminal_view.py", extended, False, False),
         ("macor_hil/cli/learning.py", extended, False, False),
@@ -430,11 +431,9 @@ def test_edits_lead_to_new_drives_and_results_where_they_decide_something(
         return digest(record, ["corridor"], uses), digest(TABLE1.trial, ["corridor"], uses)
 
     before = keys()
-    source = Path(sources.__file__).parents[2]
     for package in OURS:
-        shutil.copytree(
-            source / package, tmp_path / package, ignore=shutil.ignore_patterns("*.pyc")
-        )
+        source = sources._folder(package)
+        shutil.copytree(source, tmp_path / package, ignore=shutil.ignore_patterns("*.pyc"))
     monkeypatch.setattr(sources, "_folder", lambda package: tmp_path / package)
     assert keys() == before
     path = tmp_path / file

@@ -16,7 +16,7 @@ from macor_hil.experiments.drives.systems import ANTICIPATIVE, GRADED, SYSTEMS, 
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.goals import GOALS
-from macor_hil.experiments.report.blocks import Table, Text
+from macor_hil.experiments.report.elements import Table, Text
 from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.settings import MindSettings
 
@@ -42,10 +42,10 @@ def test_the_ablation_drives_every_system_in_every_arena(recordings: Recordings)
     assert list(result["trials"]) == ["corridor", "s-curve"]
     assert {len(trials) for each in result["trials"].values() for trials in each.values()} == {1}
     assert experiment.draw(experiment.settings, {1: result})
-    blocks = experiment.tell(experiment.settings, {1: result})
-    table = next(block for block in blocks if isinstance(block, Table))
+    elements = experiment.tell(experiment.settings, {1: result})
+    table = next(element for element in elements if isinstance(element, Table))
     assert [row[0] for row in table.rows] == ["corridor, 2", "s-curve, 3"]
-    (verdict,) = (b.text for b in blocks if isinstance(b, Text) and "where they were" in b.text)
+    (verdict,) = (b.text for b in elements if isinstance(b, Text) and "where they were" in b.text)
     lengths = {
         place: trial_from_json(trials[GRADED][0]).length
         for place, trials in result["trials"].items()

@@ -17,7 +17,7 @@ from macor_hil.experiments.drives.course import Course, relearn
 from macor_hil.experiments.drives.falcon import MEMORY, Falcon, FalconPlanner, Parameters
 from macor_hil.experiments.drives.training_drive import PUT_DOWN, Drive, Recording, Recordings
 from macor_hil.experiments.peers import FALCON, PEERS
-from macor_hil.experiments.report.blocks import Table, Text
+from macor_hil.experiments.report.elements import Table, Text
 from macor_hil.experiments.sweep.runner import COSTS, reproduce
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Experience

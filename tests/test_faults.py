@@ -5,14 +5,9 @@ from math import inf
 import pytest
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.faults import (
-    KINDS,
-    Direction,
-    Fault,
-    Faults,
-    parse_fault,
-    parse_script,
-)
+from khepera_emulator.line.fault import FAULTS, Direction, Fault
+from khepera_emulator.line.fault_text import parse_fault, parse_script
+from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import INTERPRETER_TIME, Uart
 
 EACH = 2.0**-10
@@ -253,7 +248,7 @@ class TestSpec:
     def test_is_read(self, text, fault):
         assert parse_fault(text) == fault
 
-    @pytest.mark.parametrize("kind", KINDS)
+    @pytest.mark.parametrize("kind", FAULTS.names())
     def test_knows_every_kind(self, kind):
         assert parse_fault(f"{kind}:at=1").kind == kind
 

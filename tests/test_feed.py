@@ -1,4 +1,4 @@
-"""What a feed takes of what comes over Zenoh: all of its robot, and nothing without bounds."""
+"""Feeds: they take all samples of their robot, and nothing without bounds."""
 
 import subprocess
 import sys
@@ -10,14 +10,15 @@ from pathlib import Path
 import pytest
 import zenoh
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
-from khepera_protocol.zenoh.payloads import MOST_JSON, Stamp
+from khepera_protocol.zenoh.payload_model import MOST_JSON
+from khepera_protocol.zenoh.payloads import Stamp
 from watching_helpers import a_life
 
-from macor_hil.monitor.follower import Watcher
-from macor_hil.monitor.robot_state import Watched
+from macor_hil.monitor.follower import Follower
+from macor_hil.monitor.robot_state import RobotState
 from macor_hil.telemetry.feed import Arrival, Feed, Loss, NotTaken, Presence, Refusal
 from macor_hil.telemetry.inbox import Inbox
-from macor_hil.telemetry.recordings.player import replay
+from macor_hil.telemetry.recordings.player import play
 from macor_hil.telemetry.recordings.playing_times import in_playing_time
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.steady_clock import SteadyClock
@@ -80,8 +81,11 @@ def test_tokens_of_many_robots_are_nobody():
         ({"payload": bytes(MOST_JSON + 1)}, "4,000,001 bytes"),
         ({"payload": TEXT, "attachment": "7"}, "its stamp cannot be read"),
         ({"payload": TEXT, "attachment": b"\xff" * 5000}, "its stamp cannot be read: it has 5,000"),
-        ({"payload": TEXT, "attachment": '{"sequence": 1099511627776, "time": 0}'}, "sequence: "),
-        ({"payload": TEXT, "attachment": '{"sequence": 1, "time": 1e300}'}, "time: "),
+        (
+            {"payload": TEXT, "attachment": '{"sequence": 1099511627776, "time": 0}'},
+            "sequence should be",
+        ),
+        ({"payload": TEXT, "attachment": '{"sequence": 1, "time": 1e300}'}, "time should be"),
         ({"payload": TEXT, "attachment": '{"sequence": 1, "time": NaN}'}, "its stamp"),
         ({"payload": TEXT, "encoding": "x" * 240}, "its encoding has no end"),
     ],
@@ -92,7 +96,7 @@ def test_samples_out_of_bounds_are_refused_with_a_reason(sample, reason):
         (refusal,) = until_state(feed, other)
     assert isinstance(refusal, Refusal)
     assert reason in refusal.reason
-    watched = Watched("khepera")
+    watched = RobotState("khepera")
     watched.take(refusal)
     assert watched.not_taken.words() == f"1 refused; the last one of state: {refusal.reason}"
 
@@ -101,7 +105,7 @@ def test_a_sample_that_is_deleted_is_refused_by_who_reads_it():
     with followed() as (feed, other):
         other.delete(STATE)
         arrival = feed.get(PATIENCE)
-    watched = Watched("khepera")
+    watched = RobotState("khepera")
     watched.take(arrival)
     assert watched.not_taken.refused == 1
 
@@ -130,7 +134,7 @@ with open_session([], [sys.argv[1]]) as session, Publisher(session, "khepera") a
 
 def test_a_watcher_keeps_no_descriptor_of_controllers_that_have_gone():
     endpoint, open_files = free_endpoint(), []
-    with open_session([endpoint], []) as session, Watcher(session, "khepera") as watcher:
+    with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
         for _ in range(4):
             command = [sys.executable, "-c", COMES_AND_GOES, endpoint]
             with subprocess.Popen(command, stdin=subprocess.PIPE, text=True) as controller:
@@ -181,7 +185,7 @@ def test_what_is_lost_reaches_watchers():
         for sequence in range(50):
             other.put(STATE, TEXT, attachment=Stamp(sequence=sequence, time=0.0).model_dump_json())
         wait_for_bytes(feed)
-        watched, losses = Watched("khepera"), 0
+        watched, losses = RobotState("khepera"), 0
         while (event := feed.get(0.5)) is not None:
             losses += event.count if isinstance(event, Loss) else 0
             watched.take(event)
@@ -236,11 +240,11 @@ def test_a_recording_made_while_the_clock_was_set_plays(hours):
     odd = [*events[:6], *shifted(events[6:], 0, hours)]
     slept, shown = [], []
 
-    class Stage:
-        def show(self, event):
+    class Player:
+        def publish(self, event):
             shown.append(event)
 
-    replay(odd, Stage(), clock=lambda: sum(slept), sleep=slept.append)
+    play(odd, Player(), clock=lambda: sum(slept), sleep=slept.append)
     assert len(shown) == len(odd)
     assert sum(slept) == pytest.approx(3.0 if hours < 0 else 62.9, abs=0.2)
     times = [event.received for event in shown]
@@ -255,7 +259,7 @@ def test_a_recording_with_good_times_is_played_as_it_is():
 
 def test_all_that_keeps_to_the_bounds_is_taken():
     with followed() as (feed, other):
-        watched = Watched("khepera")
+        watched = RobotState("khepera")
         for sequence in range(3):
             other.put("macor/khepera/decision", a_decision(sequence).model_dump_json())
             watched.take(feed.get(PATIENCE))

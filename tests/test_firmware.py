@@ -1,4 +1,4 @@
-"""What each of the 18 commands does to the robot, and that nothing on the line ever raises."""
+"""Effects of each of the 18 commands on the robot; nothing on the line ever raises."""
 
 import numpy as np
 import pytest

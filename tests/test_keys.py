@@ -6,16 +6,15 @@ from pathlib import Path
 import pytest
 from controller_helpers import a_decision, ask, ask_until, free_endpoint, publishing, watching
 from emulator_process import emulator
-from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, SCHEMA_MEDIA_TYPE
+from khepera_protocol.zenoh.controller_payloads import Alternative
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, KEYS, SCHEMA_MEDIA_TYPE
 from khepera_protocol.zenoh.payloads import Outline, Stamp
 from khepera_protocol.zenoh.schema import schema_of
 from typer.testing import CliRunner
 
 from macor_hil.cli import app
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.keys import KEYS
 from macor_hil.telemetry.keys_page import keys_page
-from macor_hil.telemetry.schemas import Alternative
 
 PAGE = Path(__file__).parent.parent / "docs" / "keys.md"
 

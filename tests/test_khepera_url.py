@@ -31,7 +31,7 @@ def ask(port, line: bytes) -> bytes:
 
 
 def session(port, reset: Reset | None = None) -> list[object]:
-    """What a program sees: bytes, times, pictures and poses, with times from the first reset."""
+    """Observations of a program: bytes, times, pictures and poses, from the first reset on."""
     emulator = port.emulator
     if reset is not None:
         emulator.reset(reset)
@@ -273,13 +273,24 @@ def test_a_closed_port_refuses(port):
         ("khepera://corridor?colour=red", "unknown option 'colour'"),
         ("khepera://corridor?model=robot", "unknown robot model 'robot'"),
         ("khepera://corridor?drift=much", "cannot read the drift 'much'"),
-        ("khepera://corridor?seed=x", "seed='x' is not a whole number"),
-        ("khepera://corridor?seed=", "seed='' is not a whole number"),
-        ("khepera://corridor?seed=-1", "seed='-1' is not a whole number"),
-        ("khepera://corridor?dead-man=0", "dead-man='0' is no number of seconds"),
-        ("khepera://corridor?dead-man=inf", "dead-man='inf' is no number of seconds"),
-        ("khepera://corridor?baud=fast", "baud='fast' is not a whole number"),
-        ("khepera://corridor?baud=0", "baud=0 is no rate"),
+        (
+            "khepera://corridor?seed=x",
+            "seed should be a valid integer, unable to parse string as an integer, not 'x'",
+        ),
+        (
+            "khepera://corridor?seed=",
+            "seed should be a valid integer, unable to parse string as an integer, not ''",
+        ),
+        ("khepera://corridor?seed=-1", "seed should be greater than or equal to 0, not '-1'"),
+        (
+            "khepera://corridor?dead-man=0",
+            "dead-man should be greater than or equal to 0.01, not '0'",
+        ),
+        ("khepera://corridor?dead-man=inf", "dead-man should be a finite number, not 'inf'"),
+        ("khepera://corridor?baud=fast", "baud: 'fast' is no rate; give auto, unpaced, or a rate"),
+        ("khepera://corridor?baud=0", "baud: '0' is no rate"),
+        ("khepera://corridor?sead=1", "unknown option 'sead'; did you mean seed?"),
+        ("khepera://corridor?seed=1&seed=2", "seed is given twice"),
         ("khepera://corridor?fault=fire", "cannot read the fault 'fire'"),
     ],
 )

@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from khepera_protocol.zenoh.controller_payloads import Odometry
 from khepera_protocol.zenoh.keys import CONTROLLER
 from khepera_protocol.zenoh.payloads import Pose, Stamp
 from planning import square
@@ -24,7 +25,6 @@ from macor_hil.runs.decision_samples import decision_of
 from macor_hil.runs.recorded_drives import learn
 from macor_hil.telemetry.feed import Arrival, Presence
 from macor_hil.telemetry.recordings.recording import Recorder
-from macor_hil.telemetry.schemas import Odometry
 
 CHOICES = [0, 0, 1, 2, 0, 1]
 

@@ -121,7 +121,10 @@ def test_one_of_several_fits_into_a_url():
             assert ask(port, b"G,5,6\n") == b"g\r\n"
             places.append(port.emulator.truth().pose)
     assert hypot(places[0].x - places[1].x, places[0].y - places[1].y) > 0.05
-    for options, words in (("robots=33", "not from 1 to 32"), ("robot=2", "not from 1 to 1")):
+    for options, words in (
+        ("robots=33", "robots should be less than or equal to 32"),
+        ("robot=2", "not from 1 to 1"),
+    ):
         with pytest.raises(serial.SerialException, match=words):
             serial.serial_for_url(f"khepera://open-box?{options}")
 

@@ -12,19 +12,24 @@ from controller_helpers import (
     publishing,
     wait_until_watched,
 )
+from khepera_protocol.zenoh.controller_payloads import (
+    Ahead,
+    Alternative,
+    Link,
+    Phase,
+)
 from khepera_protocol.zenoh.keys import CONTROLLER
 from khepera_protocol.zenoh.payloads import Truth
 from rich.console import Console
 
 from macor_hil.errors import TelemetryError
-from macor_hil.monitor.follower import Watcher
-from macor_hil.monitor.robot_state import Controlled, Emulated, Watched
+from macor_hil.monitor.follower import Follower
+from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState
 from macor_hil.monitor.terminal import watch
 from macor_hil.monitor.terminal_view import bar, render, spark
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import NotTaken
 from macor_hil.telemetry.publisher import Publisher
-from macor_hil.telemetry.schemas import Ahead, Alternative, Link, Phase
 from macor_hil.telemetry.session import open_session
 
 PATIENCE = 10.0
@@ -38,7 +43,7 @@ def text_of(watched, now=100.0, width=80):
 
 
 def a_watched(**changes):
-    watched = Watched("khepera", Controlled(alive=True, met=True, state=a_state()))
+    watched = RobotState("khepera", Controlled(alive=True, met=True, state=a_state()))
     watched.controlled.decide(a_decision(3, **changes), 99.5)
     return watched
 
@@ -49,7 +54,7 @@ def line_with(text, word):
 
 
 def test_without_a_controller_it_waits():
-    assert "waiting for a controller..." in text_of(Watched("khepera"))
+    assert "waiting for a controller..." in text_of(RobotState("khepera"))
 
 
 def test_a_controller_that_has_gone_leaves_its_last_words():
@@ -91,7 +96,7 @@ def test_a_situation_without_resonance_is_called_unknown():
 
 
 def test_a_program_that_is_no_controller_of_ours_is_told_of():
-    watched = Watched("khepera", emulated=Emulated(alive=True, truth=EXAMPLES[Truth]))
+    watched = RobotState("khepera", emulated=Emulated(alive=True, truth=EXAMPLES[Truth]))
     told = line_with(text_of(watched), "controller")
     assert "none; a program that tells nothing of itself drives it" in told
 
@@ -148,7 +153,7 @@ def test_what_comes_from_elsewhere_cannot_steer_the_terminal():
 
 
 def test_rates_and_ages_count_arrivals():
-    watched = Watched("khepera", Controlled(alive=True))
+    watched = RobotState("khepera", Controlled(alive=True))
     for n in range(5):
         watched.see(bytes(6200), 90.0 + n / 4)
     assert "4.0/s  6.2 kB  last one 1.5 s ago" in line_with(text_of(watched, 92.5), "frames")
@@ -158,7 +163,7 @@ def test_rates_and_ages_count_arrivals():
 
 
 def test_decisions_that_did_not_arrive_are_counted():
-    watched = Watched("khepera")
+    watched = RobotState("khepera")
     for sequence in (4, 5, 9):
         watched.controlled.decide(a_decision(sequence), float(sequence))
     assert watched.controlled.missed == 3
@@ -166,7 +171,7 @@ def test_decisions_that_did_not_arrive_are_counted():
 
 
 def test_a_new_run_begins_a_new_curve():
-    watched = Watched("khepera")
+    watched = RobotState("khepera")
     for sequence in (0, 1, 2, 0):
         watched.controlled.decide(a_decision(sequence), 0.0)
     assert [past.sequence for past in watched.controlled.history] == [0]
@@ -235,7 +240,7 @@ def live_and_go(endpoint, watcher, commands):
 
 def test_a_watcher_survives_the_controller_going_and_coming_back():
     endpoint = free_endpoint()
-    with open_session([endpoint], []) as session, Watcher(session, "khepera") as watcher:
+    with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
         live_and_go(endpoint, watcher, commands=1)
         live_and_go(endpoint, watcher, commands=2)
 
@@ -245,7 +250,7 @@ def test_a_state_that_came_before_the_sign_of_life_is_not_forgotten():
     text = a_state(driven=5).model_dump_json()
     with (
         open_session([endpoint], []) as session,
-        Watcher(session, "khepera") as watcher,
+        Follower(session, "khepera") as watcher,
         open_session([], [endpoint]) as other,
     ):
         wait_until_watched(other, key)
@@ -267,7 +272,7 @@ def test_a_payload_of_another_version_is_trouble_but_no_end():
     endpoint = free_endpoint()
     with (
         open_session([endpoint], []) as session,
-        Watcher(session, "khepera") as watcher,
+        Follower(session, "khepera") as watcher,
         open_session([], [endpoint]) as other,
     ):
         wait_until_watched(other, KEYS[1])

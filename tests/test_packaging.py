@@ -1,4 +1,4 @@
-"""What gets installed: the wheel holds all of the packages, and works without its extras."""
+"""Packaging: the wheel holds all of the packages, and works without its extras."""
 
 import json
 import re
@@ -41,7 +41,7 @@ MAY_FAIL = {
     "macor_hil.environment": "gymnasium",
     "macor_hil.experiments": "experiments",
     "macor_hil.monitor.dashboard": "dashboard",
-    "macor_hil.ros2": "ros",
+    "macor_hil.telemetry.ros2": "ros",
     "macor_hil.telemetry.recordings.foxglove": "recording",
     "macor_hil.telemetry.recordings.mcap_file": "recording",
     "macor_hil.telemetry.recordings.recorder": "recording",

@@ -12,7 +12,7 @@ artlib = pytest.importorskip("artlib", reason="the extra 'peers' is not installe
 
 @pytest.fixture(scope="module")
 def inputs() -> np.ndarray:
-    """What the robot saw in 150 random commands."""
+    """Return what the robot saw in 150 random commands."""
     return record(Drive(tuning=20, random=150, reactive=0, brain=MindSettings(nodes=8)), 1).inputs
 
 

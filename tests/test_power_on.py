@@ -1,4 +1,4 @@
-"""What a reset leaves of the robot's past: nothing."""
+"""Resets: they leave nothing of the robot's past."""
 
 import pytest
 import serial
@@ -31,7 +31,7 @@ def opened(baud):
 
 
 def answers(port):
-    """What the robot says to everything that can be asked."""
+    """Return the robot's replies to everything that can be asked."""
     said = []
     for request in BATTERY:
         port.write(request + b"\n")
@@ -55,7 +55,7 @@ def live(port, past):
 
 
 def state(port):
-    """What power-on sets, where the protocol does not show it."""
+    """Return what power-on sets, where the protocol does not show it."""
     robot = port.emulator.robot
     return robot.wheels, robot.panel, port.emulator.uart.baud, port.emulator.truth().speed
 

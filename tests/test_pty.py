@@ -250,7 +250,7 @@ class TestClients:
 
 
 class TestClientsThatComeJustThen:
-    """What another process can do between two steps of ours."""
+    """Do what another process can do between two steps of ours."""
 
     @pytest.fixture
     def first(self, port):

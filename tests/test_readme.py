@@ -1,4 +1,4 @@
-"""What the README shows works when pasted."""
+"""The README: its commands work when pasted."""
 
 import re
 import subprocess

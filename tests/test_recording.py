@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from controller_helpers import ask, free_endpoint, wait_until_watched, watching
+from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
 from khepera_protocol.zenoh.schema import schema_of
 from mcap.reader import make_reader
@@ -19,12 +20,11 @@ from watching_helpers import BEGIN, SECOND, a_life, a_picture
 
 from macor_hil.cli import app
 from macor_hil.errors import RecordingError
-from macor_hil.monitor.follower import Watcher
-from macor_hil.monitor.robot_state import Watched
+from macor_hil.monitor.follower import Follower
+from macor_hil.monitor.robot_state import RobotState
 from macor_hil.telemetry.feed import Arrival, Presence
-from macor_hil.telemetry.recordings.player import Stage, replay
+from macor_hil.telemetry.recordings.player import Player, play
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
-from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 
 PATIENCE = 20.0
@@ -184,14 +184,14 @@ def record_process(path, endpoint, *more):
     return subprocess.Popen([*command, *more], stdout=subprocess.PIPE, text=True)
 
 
-def play(endpoint, path, events):
+def publish_to_recorder(endpoint, path, events):
     """Publish events to who records them at an endpoint, each picture when the last one is kept."""
     with open_session([endpoint], []) as session:
         wait_until_watched(session, "macor/khepera/decision", "macor/khepera/frame")
-        with Stage(session, "khepera") as stage:
+        with Player(session, "khepera") as player:
             pictures = 0
             for event in events:
-                stage.show(event)
+                player.publish(event)
                 if isinstance(event, Arrival) and event.leaf == "frame":
                     pictures += 1
                     wait_until(lambda: len(pictures_in(path)) == pictures)  # noqa: B023
@@ -203,7 +203,7 @@ def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
     pictures = 4
     process = record_process(path, endpoint)
     try:
-        play(endpoint, path, a_life(pictures))
+        publish_to_recorder(endpoint, path, a_life(pictures))
         process.send_signal(number)
         said, _ = process.communicate(timeout=PATIENCE)
     finally:
@@ -260,13 +260,13 @@ def test_a_recorder_ends_after_its_time(tmp_path):
 
 
 class Followed:
-    """A stage that waits for its watcher: what is shown too fast may be dropped, by design."""
+    """A player that waits for its watcher: what is shown too fast may be dropped, by design."""
 
-    def __init__(self, stage, watcher):
-        self.stage, self.watcher, self.shown = stage, watcher, 0
+    def __init__(self, player, watcher):
+        self.player, self.watcher, self.shown = player, watcher, 0
 
-    def show(self, event):
-        self.stage.show(event)
+    def publish(self, event):
+        self.player.publish(event)
         if isinstance(event, Arrival) and event.leaf == "decision":
             self.shown += 1
             self.watcher.follow(PATIENCE, until=self._followed)
@@ -278,15 +278,15 @@ class Followed:
 def test_a_replay_is_what_was_recorded(file):
     _, events = read_recording(file)
     endpoint = free_endpoint()
-    with open_session([endpoint], []) as session, Watcher(session, "khepera") as watcher:
-        with open_session([], [endpoint]) as other, Stage(other, "khepera") as stage:
+    with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
+        with open_session([], [endpoint]) as other, Player(other, "khepera") as player:
             wait_until_watched(other, "macor/khepera/decision")
-            replay(events[:-2], Followed(stage, watcher), sleep=lambda _: None)
+            play(events[:-2], Followed(player, watcher), sleep=lambda _: None)
             watcher.follow(PATIENCE, until=lambda: watcher.watched.emulated.outline is not None)
             for event in events[-2:]:
-                stage.show(event)
+                player.publish(event)
             watcher.follow(PATIENCE, until=lambda: not watcher.watched.controlled.alive)
-        direct = Watched("khepera")
+        direct = RobotState("khepera")
         for event in events:
             direct.take(event)
         assert watcher.watched.controlled.decision == direct.controlled.decision
@@ -300,21 +300,21 @@ def test_a_replay_keeps_the_distances_of_events():
     shown, slept = [], []
 
     class Recorded:
-        def show(self, event):
+        def publish(self, event):
             shown.append(event)
 
     events = a_life(2)
-    replay(events, Recorded(), speed=2.0, clock=lambda: sum(slept), sleep=slept.append)
+    play(events, Recorded(), speed=2.0, clock=lambda: sum(slept), sleep=slept.append)
     assert shown == events
     assert sum(slept) == pytest.approx((events[-1].received - BEGIN) / SECOND / 2.0)
 
 
 def test_a_replay_answers_queries_with_the_latest_and_the_schema():
     endpoint = free_endpoint()
-    with open_session([endpoint], []) as session, Stage(session, "khepera") as stage:
+    with open_session([endpoint], []) as session, Player(session, "khepera") as player:
         decision = a_life(1)[-5]
         assert decision.leaf == "decision"
-        stage.show(decision)
+        player.publish(decision)
         with watching(endpoint) as (watcher,):
             sample = ask(watcher, "macor/khepera/decision").ok
             assert sample.payload.to_bytes() == decision.data
@@ -326,7 +326,7 @@ def test_a_replay_answers_queries_with_the_latest_and_the_schema():
 
 
 def test_presence_is_kept_apart_for_each_side():
-    watched = Watched("khepera")
+    watched = RobotState("khepera")
     for event in (Presence(EMULATOR, True, 0), Presence(CONTROLLER, True, 0)):
         watched.take(event)
     watched.take(Presence(EMULATOR, False, 0))

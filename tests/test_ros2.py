@@ -21,16 +21,16 @@ from controller_helpers import (
     wait_until_watched,
     watching,
 )
-from khepera_protocol.zenoh.payloads import Pose, controller_key
+from khepera_protocol.zenoh.controller_payloads import Odometry
+from khepera_protocol.zenoh.keys import DECISION, FRAME
+from khepera_protocol.zenoh.payloads import Pose
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
 from macor_hil.errors import TelemetryError
-from macor_hil.ros2 import messages
-from macor_hil.ros2.bridge import Bridge
-from macor_hil.ros2.wire import Node, Topic, attachment, gid, namespace_of
-from macor_hil.telemetry.keys import DECISION, FRAME
-from macor_hil.telemetry.schemas import Odometry
+from macor_hil.telemetry.ros2 import messages
+from macor_hil.telemetry.ros2.bridge import Bridge
+from macor_hil.telemetry.ros2.rmw_zenoh import Node, Topic, attachment, gid, namespace_of
 
 # what the ROS 2 project publishes of its own demonstration nodes
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -265,7 +265,7 @@ def test_what_cannot_be_read_is_dropped(caplog):
     with publishing(endpoint) as (session, publisher), Bridge(session, "khepera") as bridge:
         got = SimpleQueue()
         session.declare_subscriber("0/khepera/odom/**", got.put)
-        session.put(controller_key("khepera", DECISION), "{}")
+        session.put(DECISION.of("khepera"), "{}")
         publisher.decision(a_decision())
         bridge.forward(PATIENCE)
         assert "1 refused; the last one of decision: " in caplog.text
@@ -306,7 +306,7 @@ def test_the_bridge_is_a_process_that_a_signal_ends():
         session.declare_subscriber("3/khepera/image/**", lambda _: arrived.set())
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
             try:
-                wait_until_watched(session, controller_key("khepera", FRAME))
+                wait_until_watched(session, FRAME.of("khepera"))
                 publisher.frame(a_frame())
                 assert arrived.wait(PATIENCE)
                 process.send_signal(signal.SIGTERM)

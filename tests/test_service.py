@@ -13,6 +13,7 @@ import pytest
 import serial
 from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watching
 from emulator_process import emulator
+from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
 from khepera_protocol.zenoh.payloads import Pose
 from short_training import train_shortly
 
@@ -29,8 +30,7 @@ from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 from macor_hil.runs.run_reporter import Ending
 from macor_hil.safety.interruption import Interruption, undisturbed
-from macor_hil.telemetry.schemas import Decision, Phase, State
-from macor_hil.telemetry.sender import Outbox
+from macor_hil.telemetry.sender import Sender
 from macor_hil.telemetry.session import open_session
 
 PORT = "khepera://corridor?seed=1&drift=none"
@@ -61,7 +61,7 @@ def changed(config, **options):
 
 
 class Tap:
-    """What went to the port of a run, and how fast the robot was when it was switched off.
+    """Record of what went to the port of a run, and of the speed when the robot was switched off.
 
     `meddle` hears every request once it is on the line, before its reply is read.
     """
@@ -433,14 +433,14 @@ def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
 def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(config, tap, monkeypatch):
     """A defect where pictures are encoded, in mid-drive; the camera would never be missed."""
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
-    outboxes = []
+    senders = []
     monkeypatch.setattr(
-        macor_hil.telemetry.publisher, "Outbox", lambda: outboxes.append(Outbox()) or outboxes[-1]
+        macor_hil.telemetry.publisher, "Sender", lambda: senders.append(Sender()) or senders[-1]
     )
 
     def die():
-        outboxes[0].carry_out(lambda: 1 / 0)
-        outboxes[0]._thread.join(PATIENCE)
+        senders[0].carry_out(lambda: 1 / 0)
+        senders[0]._thread.join(PATIENCE)
 
     tap.in_mid_drive(die)
     with pytest.raises(TelemetryError, match="division by zero"):

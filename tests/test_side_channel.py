@@ -15,12 +15,18 @@ import zenoh
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.config import zenoh_config
-from khepera_protocol.zenoh.payloads import MOST_TEXT, Outline, Stamp, Truth, Wire
+from khepera_protocol.zenoh.payload_model import MOST_TEXT
+from khepera_protocol.zenoh.payloads import (
+    Outline,
+    Stamp,
+    Truth,
+    Wire,
+)
 
 from khepera_emulator.app.side_channel import SideChannel
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.recent_entries import MOST_ENTRIES, WireTap
+from khepera_emulator.line.wire_tap import MOST_ENTRIES, WireTap
 
 START = load_arena("corridor").start
 
@@ -33,7 +39,7 @@ def session(listen=(), connect=()):
 
 @pytest.fixture(scope="module")
 def endpoint():
-    """Where an emulator listens."""
+    """The endpoint of an emulator."""
     place = free_endpoint()
     with emulator(*("--listen", place, "--seed", "1", "--camera-rate", "50")):
         yield place
@@ -219,7 +225,7 @@ class TestReset:
             ('{"pose": {"x": 0.3, "y": 0.12, "heading": 0}}', "no room for the robot at x=0.300 m"),
             ('{"pose": {"x": 0.3}}', "pose.y: Field required"),
             ('{"seed": -1}', "seed should be greater"),
-            ("[]", "the payload: Input should be"),
+            ("[]", "the payload should be"),
             ('{"pose": {"x": 1e8, "y": 0, "heading": 0}}', "x=1e+08 m, y=0 m is in no arena"),
             ('{"pose": {"x": 0, "y": -11, "heading": 0}}', "x=0 m, y=-11 m is in no arena"),
             ('{"pose": {"x": 0.3, "y": 0, "heading": 1e8}}', "the heading 1e+08 is no angle"),

@@ -37,7 +37,7 @@ def client(port, **options):
 
 
 def received(port, count, limit=MUCH):
-    """What clients do, until there are so many bytes and goodbyes of it."""
+    """Return what clients do, until there are so many bytes and goodbyes of it."""
     chunks = []
     while sum(len(chunk) or 1 for chunk in chunks) < count:
         assert select.select(port.descriptors(room=True), (), (), PATIENCE)[0]

@@ -26,13 +26,13 @@ from controller_helpers import (
     wait_until_watched,
     watching,
 )
+from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
 from khepera_protocol.zenoh.payloads import Stamp
 from pydantic import ValidationError
 
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.hardware.cameras import Frame
-from macor_hil.telemetry.publisher import Publisher, WatchedCamera
-from macor_hil.telemetry.schemas import Decision, Phase, State
+from macor_hil.telemetry.publisher import Publisher, PublishingCamera
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
 
@@ -96,7 +96,7 @@ def test_a_watched_camera_publishes_what_it_gives():
 
     published = []
     camera = Camera()
-    watched = WatchedCamera(camera, published.append)
+    watched = PublishingCamera(camera, published.append)
     assert published == [watched.grab()]
     watched.close()
     assert camera.closed

@@ -1,12 +1,12 @@
-"""What passes on a line is told in the order of its times, whenever it becomes known."""
+"""Order on a line: entries are told in the order of their times."""
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.faults import Direction, Happening
-from khepera_emulator.line.recent_entries import WireTap
+from khepera_emulator.line.fault import Direction, Happening
 from khepera_emulator.line.wire_order import InOrder
+from khepera_emulator.line.wire_tap import WireTap
 
 
 def told(tap):

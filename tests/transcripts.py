@@ -32,14 +32,14 @@ class Exchange:
 
 
 def bytes_of(text: str) -> bytes:
-    """What a request's line stands for."""
+    """Return the bytes that a request's line stands for."""
     value = ast.literal_eval(f"b'{text}'")
     assert isinstance(value, bytes)
     return value
 
 
 def exchanges(text: str) -> list[Exchange]:
-    """What a transcript holds."""
+    """Return the content of a transcript."""
     found: list[Exchange] = []
     for line in text.splitlines():
         if line.startswith(">"):

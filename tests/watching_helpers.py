@@ -4,12 +4,18 @@ import cv2
 import numpy as np
 from controller_helpers import a_decision, a_state
 from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.controller_payloads import (
+    Ahead,
+    Fields,
+    Hypothesis,
+    Learned,
+    Link,
+)
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, schema_name
 from khepera_protocol.zenoh.payloads import Outline, Pose, Stamp, Truth, Wire
 
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival, Presence
-from macor_hil.telemetry.schemas import Ahead, Fields, Hypothesis, Learned, Link
 
 SECOND = 1_000_000_000
 BEGIN = 1_700_000_000 * SECOND

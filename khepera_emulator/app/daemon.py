@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from math import ceil
 
 from khepera_emulator.app.side_channel import SideChannel
-from khepera_emulator.clock import Clock, on_grid
+from khepera_emulator.line.clock import Clock, on_grid
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.line.wire_log import WireLog
-from khepera_emulator.line.wire_order import InOrder
+from khepera_emulator.line.wire_order import InOrder, WireListener
 from khepera_emulator.ports.bell import Bell
 from khepera_emulator.ports.port import Port
 from khepera_emulator.robot.emulator import Emulator
@@ -45,33 +45,17 @@ _LEFT_BEHIND = 4096
 
 
 class Daemon:
-    """Serves the emulated robots of one world, each on a port, and on a side channel if it has one.
+    """Server of the emulated robots of one world, each on a port of its own.
 
     Args:
-        emulator: the robot; its clock must not have begun. For more of them see `add`.
-        port: its serial line.
-        clock: the time it lives in.
-        follow_rate: take the line's rate from the client's settings; otherwise a client with
-            other settings than the robot's reads and sends garbage.
-        channel: camera, ground truth and reset.
-        log: where to write down what passes on the line.
+        emulator: one of the robots; time passes for all of them when it passes for one.
+        clock: the time they live in; none of it has passed.
     """
 
-    def __init__(
-        self,
-        emulator: Emulator,
-        port: Port,
-        clock: Clock,
-        *,
-        follow_rate: bool = True,
-        channel: SideChannel | None = None,
-        log: WireLog | None = None,
-    ) -> None:
-        # time passes for all robots of a world when it passes for one
+    def __init__(self, emulator: Emulator, clock: Clock) -> None:
         self._emulator = emulator
         self._clock = clock
         self._lines: list[_Line] = []
-        self.add(emulator, port, follow_rate=follow_rate, channel=channel, log=log)
         self._heard = False
         self._stopping = False
         self._stop = Bell()
@@ -85,12 +69,21 @@ class Daemon:
         self,
         emulator: Emulator,
         port: Port,
-        *,
-        follow_rate: bool = True,
         channel: SideChannel | None = None,
         log: WireLog | None = None,
+        *,
+        follow_rate: bool = True,
     ) -> None:
-        """Serve another robot of the same world; arguments as for the first."""
+        """Serve a robot of the world.
+
+        Args:
+            emulator: the robot.
+            port: its serial line.
+            channel: camera, ground truth and reset.
+            log: writes down what passes on the line.
+            follow_rate: take the line's rate from the client's settings; otherwise a client with
+                other settings than the robot's reads and sends garbage.
+        """
         self._lines.append(_Line(emulator, port, follow_rate, channel, log))
 
     def stop(self) -> None:
@@ -171,8 +164,9 @@ class _Line:
         self._port = port
         self._follow_rate = follow_rate
         self._channel = channel
-        listener = channel.listening(log) if channel else log
-        self._log = InOrder(listener) if listener else None
+        listeners: list[WireListener] = [channel.tap] if channel else []
+        listeners += [log] if log else []
+        self._log = InOrder(*listeners) if listeners else None
         self._chunks: list[bytes] = []
         self._watched: tuple[int, ...] = ()
         self._room = _TAKE

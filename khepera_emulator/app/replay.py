@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol
 
 from serial import SerialBase
 
-from khepera_emulator.clock import Clock
+from khepera_emulator.line.clock import Clock
 from khepera_emulator.line.wire_log import Entry, Recording
 
 PATIENCE: Final = 2.0
@@ -27,7 +27,7 @@ _ON_TIME: Final = ("request", "reply", "line", "close")
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where a robot says something else than the log.
+    """A difference between the log and a robot's replies.
 
     Attributes:
         time: seconds in the log.
@@ -65,10 +65,10 @@ class _Player(Protocol):
         """Put bytes on the line, now."""
 
     def wait(self, moment: float) -> bytes:
-        """Let time pass to a moment; what comes meanwhile."""
+        """Let time pass to a moment; return what comes meanwhile."""
 
     def more(self) -> bytes:
-        """Wait a little longer; empty when patience is at its end."""
+        """Wait a little longer and return what comes; empty when patience is at its end."""
 
     def leave(self) -> None:
         """Close the line and open it again."""
@@ -106,7 +106,7 @@ def _play(
     lines: list[_Line],
     letters: Collection[str],
 ) -> Difference | int:
-    """One client's visit; the log may end in the middle of a line."""
+    """Play one client's visit; the log may end in the middle of a line."""
     comparison = _Comparison(lines, letters)
     for entry in entries:
         if entry.what not in _ON_TIME:
@@ -144,14 +144,14 @@ class _Comparison:
 
     @property
     def complete(self) -> bool:
-        """Whether all lines of the log have come."""
+        """True once all lines of the log have come."""
         if self._place >= len(self._lines):
             return True
         last = self._lines[self._place].data
         return not last.endswith(b"\n") and self._rest.startswith(last)
 
     def take(self, data: bytes) -> Difference | None:
-        """Bytes of the robot; what is said beyond the end of the log is nobody's loss."""
+        """Compare bytes of the robot; what follows the end of the log is not compared."""
         *whole, self._rest = (self._rest + data).split(b"\n")
         for each in whole:
             if self._place >= len(self._lines):
@@ -165,7 +165,7 @@ class _Comparison:
         return None
 
     def end(self) -> Difference | int:
-        """All has come: what is missing, or how many lines were equal."""
+        """Return what is missing when all has come, or how many lines were equal."""
         if self.complete:
             return len(self._lines)
         line = self._lines[self._place]
@@ -239,7 +239,7 @@ class _Real:
 
 
 def _visits(entries: Collection[Entry]) -> Iterator[list[Entry]]:
-    """Entries of one client after the other."""
+    """Yield the entries of one client after the other."""
     visit: list[Entry] = []
     for entry in entries:
         visit.append(entry)
@@ -251,7 +251,7 @@ def _visits(entries: Collection[Entry]) -> Iterator[list[Entry]]:
 
 
 def _lines(entries: list[Entry]) -> Iterator[_Line]:
-    """The lines of a visit's replies; the last one may lack its end."""
+    """Yield the lines of a visit's replies; the last one may lack its end."""
     rest, request = b"", b""
     when = 0.0
     for entry in entries:

@@ -1,4 +1,4 @@
-"""Camera, ground truth and reset of an emulated robot over Zenoh: what never goes on the line.
+"""Camera, ground truth and reset of an emulated robot over Zenoh, which never go on the line.
 
 So do the bytes on the line themselves, for those who watch it.
 
@@ -7,35 +7,39 @@ thread, which answers them between two portions of the serial line. Whatever fai
 answer, or is logged: nobody who asks, or looks, ends the emulator.
 """
 
-import json
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import NamedTuple, Self, TypeVar, cast
+from typing import Final, Self, TypeVar
 
 import cv2
 import zenoh
 from khepera_protocol.text import printable
+from khepera_protocol.validation import first_fault
 from khepera_protocol.zenoh.keys import (
-    DESCRIBE,
+    ARENA,
+    CAMERA,
     EMULATOR,
+    EMULATOR_ALIVE,
     EMULATOR_KEYS,
-    SCHEMA_MEDIA_TYPE,
+    RESET,
+    TRUTH,
+    WIRE,
     Key,
-    schema_name,
 )
-from khepera_protocol.zenoh.payloads import CameraQuery, Payload, Reset, Stamp, robot_key
-from khepera_protocol.zenoh.schema import schema_of
-from khepera_protocol.zenoh.session import EndpointInUseError, SessionError, open_session
+from khepera_protocol.zenoh.payload_model import Payload
+from khepera_protocol.zenoh.payloads import CameraQuery, Reset
+from khepera_protocol.zenoh.sample import Content, SamplePublisher, SampleWriter, json_content
+from khepera_protocol.zenoh.session import open_session
 from pydantic import ValidationError
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.recent_entries import WireTap
-from khepera_emulator.line.wire_log import WireLog
+from khepera_emulator.line.wire_tap import WireTap
 from khepera_emulator.ports.bell import Bell
 from khepera_emulator.robot.emulator import Emulator
 
@@ -47,7 +51,7 @@ TRUTH_RATE = 10.0
 WIRE_RATE = 10.0
 """Times a second that what passed on the line is published, while someone listens."""
 
-_HARMLESS = frozenset({"truth", "arena"})
+_HARMLESS = frozenset({TRUTH, ARENA})
 _MOST_WAITING = 64
 _LONGEST_REQUEST = 10_000
 """Bytes of a query's payload that are read."""
@@ -58,13 +62,13 @@ _JPEG_FRAME = CameraQuery(encoding="jpeg").model_dump_json().encode()
 
 _P = TypeVar("_P", bound=Payload)
 
+open_zenoh: Final = partial(
+    open_session, error=EmulatorError, if_in_use="; give another --listen endpoint, or --no-zenoh"
+)
+"""Open the session of an emulator; one that cannot be opened is an EmulatorError."""
 
-class _Content(NamedTuple):
-    payload: bytes
-    encoding: zenoh.Encoding
 
-
-_Answer = Callable[[Emulator, bytes], _Content]
+_Answer = Callable[[Emulator, bytes], Content]
 
 
 class SideChannel:
@@ -82,6 +86,9 @@ class SideChannel:
         config: Zenoh's own configuration, instead of `listen` and `connect`.
         looking: offer the arena and the truth alone: nothing that could change what happens, as a
             reset or another picture with noise of its own would.
+
+    Attributes:
+        tap: is told what passes on the line, to be published.
 
     Raises:
         EmulatorError: an endpoint is malformed or already in use.
@@ -108,29 +115,29 @@ class SideChannel:
                 else stack.enter_context(open_zenoh(listen, connect, config))
             )
             session = self._session
-            self._tap = WireTap()
-            answers = {**_ANSWERS, "wire": lambda _, __: _json(self._tap.since(0))}
+            self.tap = WireTap()
+            answers = {**_ANSWERS, WIRE: lambda _, __: _json(self.tap.since(0))}
             offered = _HARMLESS if looking else {*answers}
             for key in EMULATOR_KEYS:
-                if key.leaf in offered:
-                    replier = _Replier(session, robot, key, answers[key.leaf])
+                if key in offered:
+                    replier = _Replier(session, robot, key, answers[key])
                     queryable = session.declare_queryable(replier.name, self._enqueue(replier))
                     # the session may live on: that of a channel beside this one
                     stack.callback(queryable.undeclare)
             # streams of one rate are due together: one wake-up for all of them
             start = time.monotonic()
             self._streams = [
-                _Stream(start, session, robot_key(robot, leaf), rate, answer, request)
-                for leaf, rate, answer, request in (
-                    ("camera", camera_rate, _camera, _JPEG_FRAME),
-                    ("truth", TRUTH_RATE, _truth, b""),
-                    ("wire", WIRE_RATE, _fresh_entries(self._tap), b""),
+                _Stream(start, SampleWriter(session, key, robot), session, rate, content)
+                for key, rate, content in (
+                    (CAMERA, camera_rate, lambda emulator: _camera(emulator, _JPEG_FRAME)),
+                    (TRUTH, TRUTH_RATE, lambda emulator: _json(emulator.truth())),
+                    (WIRE, WIRE_RATE, _fresh_entries(self.tap)),
                 )
-                if leaf in offered
+                if key in offered
             ]
             for stream in self._streams:
                 stack.callback(stream.close)
-            alive = session.liveliness().declare_token(robot_key(robot, "alive"))
+            alive = session.liveliness().declare_token(EMULATOR_ALIVE.of(robot))
             stack.callback(alive.undeclare)
             self._stack = stack.pop_all()
 
@@ -140,17 +147,12 @@ class SideChannel:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def listening(self, log: WireLog | None) -> WireTap:
-        """What the daemon tells of the line, to be published; and to be written down in a log."""
-        self._tap.log = log
-        return self._tap
-
     def fileno(self) -> int:
-        """Descriptor that becomes readable when a query has come."""
+        """Return the descriptor that becomes readable when a query has come."""
         return self._wake.fileno()
 
     def delay(self) -> float:
-        """Real seconds until `serve` is due; 0 when it is."""
+        """Return the real seconds until `serve` is due; 0 when it is."""
         if self._waiting:
             return 0.0
         return max(0.0, min(stream.next for stream in self._streams) - time.monotonic())
@@ -209,11 +211,10 @@ class _Replier:
     """
 
     def __init__(self, session: zenoh.Session, robot: str, key: Key, answer: _Answer) -> None:
-        self.name = robot_key(robot, key.leaf)
-        self._session = session
+        self._writer = SampleWriter(session, key, robot)
+        self.name = self._writer.name
         self._key = key
         self._answer = answer
-        self._sequence = 0
 
     def reply(self, query: zenoh.Query, emulator: Emulator) -> None:
         """Answer a query, if need be with what fails."""
@@ -228,23 +229,12 @@ class _Replier:
                 query.reply_err(reason, encoding=zenoh.Encoding.TEXT_PLAIN)
 
         with _Guard(refuse):
-            if DESCRIBE in query.parameters and self._key.payload:
-                schema = json.dumps(schema_of(self._key.payload))
-                query.reply(self.name, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
-            elif not self._key.acts or str(query.key_expr) == self.name:
-                self._reply(query, emulator)
+            if self._writer.describe(query):
+                return
+            if not self._key.acts or str(query.key_expr) == self.name:
+                content = self._answer(emulator, self._request(query))
+                self._writer.reply(query, self._writer.sample(content, emulator.now))
             # else: somebody looks at what there is, and means no harm
-
-    def _reply(self, query: zenoh.Query, emulator: Emulator) -> None:
-        content = self._answer(emulator, self._request(query))
-        query.reply(
-            self.name,
-            content.payload,
-            encoding=content.encoding,
-            attachment=_stamp(self._sequence, emulator),
-            timestamp=self._session.new_timestamp(),
-        )
-        self._sequence += 1
 
     def _request(self, query: zenoh.Query) -> bytes:
         payload = query.payload
@@ -272,27 +262,21 @@ class _Stream:
     def __init__(
         self,
         start: float,
+        writer: SampleWriter,
         session: zenoh.Session,
-        key: str,
         rate: float,
-        answer: Callable[[Emulator, bytes], "_Content | None"],
-        request: bytes,
+        content: Callable[[Emulator], Content | None],
     ) -> None:
         self.next = start
-        self._session = session
-        self._publisher = session.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.DROP
-        )
+        self._writer = writer
+        self._publisher = SamplePublisher(session, writer.name)
         self._period = 1.0 / rate
-        self._answer = answer
-        self._request = request
-        self._sequence = 0
-        self._key = key
+        self._content = content
         self._failure = ""
 
     def close(self) -> None:
         """Publish no more."""
-        self._publisher.undeclare()
+        self._publisher.close()
 
     def publish_if_due(self, emulator: Emulator) -> None:
         now = time.monotonic()
@@ -300,29 +284,20 @@ class _Stream:
             return
         self.next = max(self.next + self._period, now)  # what is missed is not made up for
         with _Guard(self._fail):
-            # the library's type stub says bool
-            status = cast(zenoh.MatchingStatus, self._publisher.matching_status)
-            if status.matching:
+            if self._publisher.heard:
                 self._publish(emulator)
 
     def _publish(self, emulator: Emulator) -> None:
-        content = self._answer(emulator, self._request)
-        if content is None:
-            return
-        self._publisher.put(
-            content.payload,
-            encoding=content.encoding,
-            attachment=_stamp(self._sequence, emulator),
-            timestamp=self._session.new_timestamp(),
-        )
-        self._sequence += 1
-        self._failure = ""
+        content = self._content(emulator)
+        if content is not None:
+            self._publisher.put(self._writer.sample(content, emulator.now))
+            self._failure = ""
 
     def _fail(self, error: Exception) -> None:
         reason = _reason(error)
         if reason != self._failure:  # not ten times a second
             self._failure = reason
-            _log.error("a sample of %s failed", self._key, exc_info=error)
+            _log.error("a sample of %s failed", self._writer.name, exc_info=error)
 
 
 def _reason(error: Exception) -> str:
@@ -332,32 +307,32 @@ def _reason(error: Exception) -> str:
     return printable(f"the emulator failed: {type(error).__name__}: {error}", _LONGEST_REASON)
 
 
-def _camera(emulator: Emulator, request: bytes) -> _Content:
+def _camera(emulator: Emulator, request: bytes) -> Content:
     query = _parse(CameraQuery, request)
     image = emulator.panorama() if query.view == "panorama" else emulator.mirror_image()
     done, data = cv2.imencode(f".{query.encoding}", image)
     if not done:
         raise EmulatorError(f"OpenCV cannot encode an image as {query.encoding}")
-    return _Content(data.tobytes(), _ENCODINGS[query.encoding])
+    return Content(data.tobytes(), _ENCODINGS[query.encoding])
 
 
-def _truth(emulator: Emulator, _: bytes) -> _Content:
+def _truth(emulator: Emulator, _: bytes) -> Content:
     return _json(emulator.truth())
 
 
-def _reset(emulator: Emulator, request: bytes) -> _Content:
+def _reset(emulator: Emulator, request: bytes) -> Content:
     return _json(emulator.reset(_parse(Reset, request)))
 
 
-def _outline(emulator: Emulator, _: bytes) -> _Content:
+def _outline(emulator: Emulator, _: bytes) -> Content:
     return _json(emulator.outline())
 
 
-def _fresh_entries(tap: WireTap) -> Callable[[Emulator, bytes], _Content | None]:
-    """What has passed on the line since the last call; None for nothing."""
+def _fresh_entries(tap: WireTap) -> Callable[[Emulator], Content | None]:
+    """Return a function that tells the entries of the line since its last call; None for none."""
     told = 0
 
-    def fresh(_: Emulator, __: bytes) -> _Content | None:
+    def fresh(_: Emulator) -> Content | None:
         nonlocal told
         if tap.count == told:
             return None
@@ -368,8 +343,8 @@ def _fresh_entries(tap: WireTap) -> Callable[[Emulator, bytes], _Content | None]
     return fresh
 
 
-_ANSWERS: Mapping[str, _Answer] = MappingProxyType(
-    {"camera": _camera, "truth": _truth, "reset": _reset, "arena": _outline}
+_ANSWERS: Mapping[Key, _Answer] = MappingProxyType(
+    {CAMERA: _camera, TRUTH: _truth, RESET: _reset, ARENA: _outline}
 )
 
 
@@ -377,40 +352,8 @@ def _parse(kind: type[_P], request: bytes) -> _P:
     try:
         return kind.model_validate_json(request or b"{}")
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "the payload"
-        raise EmulatorError(f"{place}: {first['msg']}") from None
+        raise EmulatorError(first_fault(error, "the payload")) from None
 
 
-def _json(payload: Payload) -> _Content:
-    encoding = zenoh.Encoding.APPLICATION_JSON.with_schema(schema_name(EMULATOR, type(payload)))
-    return _Content(payload.model_dump_json().encode(), encoding)
-
-
-def _stamp(sequence: int, emulator: Emulator) -> str:
-    return Stamp(sequence=sequence, time=emulator.now).model_dump_json()
-
-
-@contextmanager
-def open_zenoh(
-    listen: Sequence[str], connect: Sequence[str], config: Path | None
-) -> Iterator[zenoh.Session]:
-    """Open the session of an emulator for as long as it is used.
-
-    Raises:
-        EmulatorError: an endpoint is malformed or in use, or the configuration cannot be used.
-    """
-    """Open the session of an emulator.
-
-    Raises:
-        EmulatorError: an endpoint is malformed or in use, or the configuration cannot be used.
-    """
-    with ExitStack() as stack:
-        try:
-            session = stack.enter_context(open_session(listen, connect, config))
-        except EndpointInUseError as error:
-            raise EmulatorError(f"{error}; give another --listen endpoint, or --no-zenoh") from None
-        except SessionError as error:
-            hint = "" if config else "; an endpoint looks like tcp/127.0.0.1:7447"
-            raise EmulatorError(f"{error}{hint}") from None
-        yield session
+def _json(payload: Payload) -> Content:
+    return json_content(EMULATOR, payload)

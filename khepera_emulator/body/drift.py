@@ -33,10 +33,12 @@ class DriftSettings:
     slip: float = 0.0
 
 
+DEFAULT_DRIFT: Final = "default"
+
 PRESETS: Final = MappingProxyType(
     {
         "none": DriftSettings(),
-        "default": DriftSettings(scale=0.005, base=0.01, slip=0.015),
+        DEFAULT_DRIFT: DriftSettings(scale=0.005, base=0.01, slip=0.015),
         # O. Michel's Khepera Simulator: 10 % on the way, 5 % on the turn, each step
         "strong": DriftSettings(scale=0.02, base=0.04, slip=0.10),
     }

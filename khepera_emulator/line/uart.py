@@ -14,12 +14,16 @@ from typing import Final
 from khepera_protocol.serial.framing import REQUEST_END, RequestSplitter
 from khepera_protocol.serial.units import wire_time
 
-from khepera_emulator.clock import GRID as GRID
-from khepera_emulator.clock import on_grid as on_grid
 from khepera_emulator.line import coding as line_coding
+from khepera_emulator.line.clock import GRID as GRID
+from khepera_emulator.line.clock import on_grid as on_grid
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.faults import Direction, Faults, Timed
+from khepera_emulator.line.fault import Direction
+from khepera_emulator.line.faults import Faults, Timed
 from khepera_emulator.line.timed_bytes import TimedBytes
+
+FIRST_RATE: Final = 9600
+"""Bits a second that the line shows until a client sets another rate: a Khepera's mode 1."""
 
 RECEIVE_LIMIT: Final = 256
 """Bytes that the robot holds before its interpreter takes them; more are lost."""
@@ -317,10 +321,10 @@ class Uart:
 
     def _happen(self) -> Iterator[tuple[float, bytes]]:
         """The next fault that has a time of its own."""
-        when, kind, text = self.faults.take_moment()
-        if kind == "stray":
-            self._say(text, when)
-        elif kind == "reset":
+        when, said, starts_again = self.faults.take_moment()
+        if said:
+            self._say(said, when)
+        if starts_again:
             self._reset(when)
             self._unheard = False
             yield when, _RESTART

@@ -25,7 +25,7 @@ from pydantic_core import from_json
 from khepera_emulator.arenas.mistakes import describe
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.faults import Happening
+from khepera_emulator.line.fault import Happening
 
 _log = logging.getLogger(__name__)
 

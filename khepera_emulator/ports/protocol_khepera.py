@@ -9,45 +9,27 @@ processor allows, with the same bytes each time.
     port.write(b"N\n"); port.readline()
 
 ARENA is a name, or the path of a TOML file; in a path, `%`, `#` and `?` are written as %25, %23
-and %3F. Options after `?`, joined with `&`:
-    seed=N         of all randomness (0)
-    model=NAME     khepera or khepera2 (khepera)
-    drift=SPEC     none, default, strong, or items such as scale=0.01,slip=0.05 (default)
+and %3F. The options after `?`, joined with `&`, are those of `khepera-emulator run` that make a
+robot, `robots=N&robot=K` for one of several in a world: see docs/commands.md. Three differ in a
+process without real time:
     baud=unpaced   bytes take no time, and every write a millisecond: so a program that asks
-                   until something has happened gets there; a number fixes the robot's rate:
-                   with other settings the client reads and sends garbage (the client's rate)
-    fault=SPEC     something that goes wrong on the line, repeatable; see
-                   `khepera_emulator.line.faults`
-    turret=NAME    gripper, k213, radio or general-io; repeatable
-    robots=N       so many robots in one world, of which this line is that of robot=K (1 of 1);
-                   nobody talks to the others
-    firmware=NAME  a choice of `khepera_emulator.choices`, such as reject-beyond or
-                   firmware=reached-within=2; repeatable
-    dead-man=S     the robot stops by itself after so many seconds without a request (never)
+                   until something has happened gets there
+    baud=N         with other settings the client reads and sends garbage
+    robots=N       nobody talks to the others
 
 Not modelled: break conditions and modem lines are accepted and do nothing.
 """
 
-import re
 from math import inf
 from typing import Any
-from urllib.parse import parse_qsl, unquote
 
 from khepera_protocol.text import printable
 from serial import SerialBase, SerialException
 from serial.serialutil import PortNotOpenError
 
-from khepera_emulator.clock import on_grid
+from khepera_emulator.line.clock import on_grid
 from khepera_emulator.line.coding import LineFormat
 
-_REPEATABLE = ("fault", "turret", "firmware")
-_OPTIONS = ("seed", "model", "drift", "baud", "dead-man", "robots", "robot", *_REPEATABLE)
-_DIGITS = 18
-_FASTEST = 10_000_000
-"""Bits a second: more than any serial line has."""
-
-_SECONDS = re.compile(r"[0-9]{1,6}(\.[0-9]{0,9})?", re.ASCII)
-_LEAST_DEAD_MAN = 0.01
 _POLL_TIME = 1e-4
 """Seconds that asking for bytes takes when there are none, and nobody waits."""
 
@@ -67,7 +49,7 @@ class Serial(SerialBase):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self.emulator: Any = None
-        self._rate = "auto"
+        self._follows = True
         self._wait: float | None = None
         super().__init__(*args, **kwargs)
 
@@ -76,39 +58,22 @@ class Serial(SerialBase):
         if self.is_open:
             raise SerialException("Port is already open.")
         # pySerial swallows an ImportError at its look-up of URL schemes: import when opening
-        from khepera_emulator.arenas.arena import MOST_ROBOTS, load_arena
-        from khepera_emulator.body.drift import parse_drift
-        from khepera_emulator.choices import parse_choices
+        from khepera_protocol.options import OptionError
+
         from khepera_emulator.errors import EmulatorError
-        from khepera_emulator.line.faults import parse_faults
-        from khepera_emulator.models import find_model
+        from khepera_emulator.robot.options import AUTO, UrlOptions
         from khepera_emulator.world.bullet import load_physics
 
-        arena, options, lists = _split(str(self.portstr))
-        self._rate = options.get("baud", "auto")
+        url = str(self.portstr)
         try:
             load_physics()
-            from khepera_emulator.robot.emulator import Setup, make_fleet
-            from khepera_emulator.turrets import check_turrets
+            from khepera_emulator.robot.emulator import make_fleet
 
-            setup = Setup(
-                arena=load_arena(arena),
-                model=find_model(options.get("model", "khepera")),
-                drift=parse_drift(options.get("drift", "default")),
-                seed=_whole("seed", options.get("seed", "0")),
-                baud=_rate(self._rate),
-                faults=parse_faults(lists["fault"]),
-                turrets=check_turrets(lists["turret"]),
-                choices=parse_choices(lists["firmware"]),
-                dead_man=_dead_man(options.get("dead-man")),
-            )
-            robots = _whole("robots", options.get("robots", "1"), most=MOST_ROBOTS)
-            robot = _whole("robot", options.get("robot", "1"), most=robots)
-            self.emulator = make_fleet(setup, robots)[robot - 1]
-        except EmulatorError as error:
-            raise SerialException(
-                f"{_shown(str(self.portstr))}: {printable(str(error), 1000)}"
-            ) from None
+            options = UrlOptions.from_url(url)
+            self._follows = options.baud == AUTO
+            self.emulator = make_fleet(options.setup(), options.robots)[options.robot - 1]
+        except (EmulatorError, OptionError) as error:
+            raise SerialException(f"{printable(url, 100)}: {printable(str(error), 1000)}") from None
         self.is_open = True
         self._reconfigure_port()
 
@@ -213,7 +178,7 @@ class Serial(SerialBase):
         if not self.is_open:
             return
         uart = self.emulator.uart
-        if self._rate == "auto":
+        if self._follows:
             if uart.baud != self.baudrate:
                 uart.baud = self.baudrate
         else:
@@ -268,52 +233,3 @@ def _complete(uart: Any, expected: bytes, size: int | None) -> int:
         if end >= len(expected) and (size is None or end <= size):
             return end
     return size if size is not None and uart.queued() >= size else 0
-
-
-def _split(url: str) -> tuple[str, dict[str, str], dict[str, list[str]]]:
-    """Arena, options, and the values of repeatable options of a URL."""
-    arena, _, query = url.partition("://")[2].partition("?")
-    pairs = parse_qsl(query, keep_blank_values=True)
-    options = dict(pairs)
-    unknown = [name for name in options if name not in _OPTIONS]
-    if unknown:
-        raise SerialException(
-            f"{_shown(url)}: unknown option '{_shown(unknown[0])}'; there are {', '.join(_OPTIONS)}"
-        )
-    lists = {option: [v for name, v in pairs if name == option] for option in _REPEATABLE}
-    return unquote(arena, errors="surrogateescape"), options, lists
-
-
-def _whole(name: str, text: str, most: int | None = None) -> int:
-    """A whole number; with a limit one from 1 to it."""
-    if not (text.isascii() and text.isdecimal() and len(text) <= _DIGITS):
-        raise SerialException(
-            f"{name}='{_shown(text)}' is not a whole number of up to {_DIGITS} digits"
-        )
-    if most is not None and not 1 <= int(text) <= most:
-        raise SerialException(f"{name}={text} is not from 1 to {most}")
-    return int(text)
-
-
-def _dead_man(text: str | None) -> float | None:
-    """Seconds that an option gives; None: never."""
-    if text is None:
-        return None
-    if not _SECONDS.fullmatch(text) or float(text) < _LEAST_DEAD_MAN:
-        raise SerialException(
-            f"dead-man='{_shown(text)}' is no number of seconds of at least {_LEAST_DEAD_MAN}"
-        )
-    return float(text)
-
-
-def _rate(text: str) -> int | None:
-    """Rate in bits a second that an option fixes; None for none."""
-    if text in ("auto", "unpaced"):
-        return None
-    if not text.strip("0") and text:
-        raise SerialException("baud=0 is no rate; give bits a second, or unpaced")
-    return _whole("baud", text, most=_FASTEST)
-
-
-def _shown(text: str) -> str:
-    return printable(text, 100)

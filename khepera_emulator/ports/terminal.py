@@ -20,9 +20,6 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.ports.inotify import CLOSED_READABLE, COMINGS, OPENED, READ, Watch
 
-FIRST_RATE: Final = 9600
-"""Bits a second that the line shows until a client sets another rate: a Khepera's mode 1."""
-
 _RATES: Final = {
     value: int(name[1:])
     for name, value in vars(termios).items()

@@ -7,25 +7,22 @@ it passes for all of them when it passes for one.
 """
 
 import logging
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from khepera_protocol.mirror import Mirror
 from khepera_protocol.serial.errors import RequestError
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, Truth
 
-from khepera_emulator.arenas.arena import Arena
-from khepera_emulator.body.drift import PRESETS, DriftSettings, draw_drift
-from khepera_emulator.choices import Choices
+from khepera_emulator.body.drift import draw_drift
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.faults import Fault, Faults, Happening
+from khepera_emulator.line.fault import Happening
+from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
-from khepera_emulator.models import KHEPERA, Model
 from khepera_emulator.robot.firmware import Firmware
 from khepera_emulator.robot.fleet import Fleet
 from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.setup import Setup as Setup
 from khepera_emulator.senses.camera import OmniCamera
 from khepera_emulator.senses.renderers.view import Image
 from khepera_emulator.turrets import Equipment
@@ -33,36 +30,6 @@ from khepera_emulator.world.free_space import Gap, anywhere, check_room, pose_of
 from khepera_emulator.world.outline import outline
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """What an emulated robot is made from.
-
-    Attributes:
-        arena: where it drives.
-        model: which Khepera.
-        drift: how far its wheels deceive it.
-        seed: of this robot (its drift), and of all that happens by chance.
-        baud: rate of its line, or None for a line that takes no time.
-        faults: what goes wrong on its line.
-        mirror: geometry of its camera.
-        turrets: names of what is mounted on it, from `khepera_protocol.serial.turrets.TURRETS`.
-        choices: of its firmware, where sources leave them open.
-        dead_man: seconds without a request after which the robot stops by itself; None: never, as
-            a real one.
-    """
-
-    arena: Arena
-    model: Model = KHEPERA
-    drift: DriftSettings = PRESETS["default"]
-    seed: int = 0
-    baud: int | None = 9600
-    faults: tuple[Fault, ...] = ()
-    mirror: Mirror = field(default_factory=Mirror)
-    turrets: tuple[str, ...] = ()
-    choices: Choices = Choices()  # noqa: RUF009 - an immutable value
-    dead_man: float | None = None
 
 
 _MOST_REFUSALS = 20

@@ -15,7 +15,7 @@ from khepera_emulator.turrets.k213 import K213
 from khepera_emulator.turrets.radio import Radio, RadioMedium
 from khepera_emulator.turrets.turret import BusTurret, MessageTurret, Site, Turret
 
-__all__ = ["Equipment", "Rack", "RadioMedium", "Site", "check_turrets", "mount"]
+__all__ = ["TURRETS", "Equipment", "Rack", "RadioMedium", "Site", "check_turrets", "mount"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable
 
-from khepera_protocol.zenoh.payloads import MOST_SOLIDS, MOST_TITLE, Outline, Solid
+from khepera_protocol.zenoh.payload_model import MOST_TITLE
+from khepera_protocol.zenoh.payloads import MOST_SOLIDS, Outline, Solid
 
 from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.models import Model

@@ -9,6 +9,7 @@ from typing import Final
 import typer
 import zenoh
 from khepera_protocol.extras import how_to_install
+from khepera_protocol.zenoh.controller_payloads import Decision
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -24,7 +25,6 @@ from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.line import open_port
 from macor_hil.hardware.options import DeviceOptions, ZenohOptions
-from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 
 COLUMNS = (

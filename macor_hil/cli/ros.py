@@ -28,5 +28,5 @@ def ros2(options: RosOptions) -> None:
     Pictures, odometry and commands; connect it to the controller, and to the nodes' router.
     """
     with extra("ros"):
-        from macor_hil.ros2.bridge import bridge
+        from macor_hil.telemetry.ros2.bridge import bridge
     bridge(options.robot, options.connect, options.domain, options.zenoh_config)

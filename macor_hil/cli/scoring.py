@@ -36,8 +36,8 @@ app = typer.Typer()
 class ScoredPlanners(PartSettings):
     """Planners that are scored."""
 
-    planner: Annotated[tuple[str, ...], Cli(known=PLANNERS.names, show_default="all")] = Field(
-        default=(), description="Planner; give several. Also module:Class or file.py:Class."
+    planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names, show_default="all")] = Field(
+        default=(), description="Planner; give several: {names}; or module:Class, file.py:Class."
     )
 
     def names_for(self, brain: Brain) -> list[str]:

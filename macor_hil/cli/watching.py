@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 from khepera_protocol.options import Cli, takes
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.keys import KEYS
 from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.schema import schema_of
 from pydantic import Field
@@ -22,7 +23,6 @@ from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.hardware.options import Options, ZenohConfigOptions, ZenohOptions
 from macor_hil.monitor.terminal import watch
 from macor_hil.safety.claim import claim
-from macor_hil.telemetry.keys import KEYS
 from macor_hil.telemetry.keys_page import keys_page
 from macor_hil.telemetry.session import open_session
 
@@ -137,16 +137,15 @@ def replay(options: ReplayOptions) -> None:
     """Publish a recording again, with its times: every monitor works on it."""
     with extra("recording"):
         from macor_hil.telemetry.recordings.recording import play_recording
-    from macor_hil.telemetry.recordings.player import Stage
-    from macor_hil.telemetry.recordings.player import replay as play
+    from macor_hil.telemetry.recordings.player import Player, play
 
     name, events = play_recording(options.file)
     with (
         open_session(options.listen, [], options.zenoh_config) as session,
-        Stage(session, options.robot or name) as stage,
-        kept(lambda: f"{stage.shown} events were published; the same command begins anew"),
+        Player(session, options.robot or name) as player,
+        kept(lambda: f"{player.published} events were published; the same command begins anew"),
     ):
-        count = play(events, stage, options.speed)
+        count = play(events, player, options.speed)
     typer.echo(f"{options.file}: {count} events of {printable(name)}")
 
 
@@ -162,21 +161,21 @@ def dashboard(options: DashboardOptions) -> None:
     """
     with extra("dashboard"):
         from macor_hil.monitor.dashboard.app import serve
-    from macor_hil.monitor.dashboard.sources import Live, Player
-    from macor_hil.monitor.follower import Watcher
+    from macor_hil.monitor.dashboard.sources import LiveSource, RecordingSource
+    from macor_hil.monitor.follower import Follower
 
     with ExitStack() as stack:
-        open_source: Callable[[], Live | Player]
+        open_source: Callable[[], LiveSource | RecordingSource]
         poll = None
         if options.file is None:
             session = stack.enter_context(session_of(options))
-            live = Live(stack.enter_context(Watcher(session, options.robot, camera=True)))
+            live = LiveSource(stack.enter_context(Follower(session, options.robot, camera=True)))
             open_source, poll = lambda: live, live.poll
         else:
             with extra("recording"):
                 from macor_hil.telemetry.recordings.recording import read_recording
             name, events = read_recording(options.file)
-            open_source = partial(Player, printable(name, 100), events)
+            open_source = partial(RecordingSource, printable(name, 100), events)
         port = options.port
         _check_free(port)
         serve(open_source, port, lambda: typer.echo(f"http://127.0.0.1:{port}"), poll)

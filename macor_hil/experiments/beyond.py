@@ -34,8 +34,8 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.report.drawing import draw_trials
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
@@ -57,7 +57,7 @@ CHANGES: Final = {
 
 @dataclass(frozen=True)
 class Settings(Learning):
-    """Where trials are driven."""
+    """The arenas of the trials."""
 
     drive: Drive = field(default_factory=Drive)
     """The training drive, of all systems."""
@@ -72,7 +72,7 @@ class Settings(Learning):
 
     @property
     def arenas(self) -> tuple[str, ...]:
-        """Where trials are driven."""
+        """The arenas of the trials."""
         return tuple(course.arena for course in self.courses)
 
 
@@ -107,7 +107,7 @@ class _Boxes:
 
 
 def _steps_to(graded: System, settings: Settings, recording: Recording) -> dict[str, System]:
-    """What leads from expected value to the graded system, one change at a time."""
+    """Return the steps from expected value to the graded system, one change at a time."""
     art = graded.brain.clusterer
     assert isinstance(art, FuzzyArt)
     changed = {ON_NODES: _Boxes(art), PLACED: situations_of(recording)}
@@ -133,7 +133,7 @@ def _trials(results: Results, place: str, name: str) -> list[list[Trial]]:
 
 
 def draw(settings: Settings, results: Results) -> dict[str, Figure]:
-    """The graded planner's first trial of the first seed in every arena."""
+    """Draw the graded planner's first trial of the first seed in every arena."""
     result = next(iter(results.values()))
     shown = {
         place: (
@@ -145,8 +145,8 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
     return {"trajectories": draw_trials(shown)}
 
 
-def tell(settings: Settings, results: Results) -> list[Block]:
-    """The ablation, and what every seed did."""
+def tell(settings: Settings, results: Results) -> list[Element]:
+    """Report the ablation, and the result of every seed."""
     places = [_place(course) for course in settings.courses]
     changes = "; ".join(f"{name}: {what}" for name, what in CHANGES.items())
     return [

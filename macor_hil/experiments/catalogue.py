@@ -34,7 +34,7 @@ ALL: Final = "all"
 
 
 def find(name: str) -> tuple[Experiment, ...]:
-    """The experiment of a name, or all that need no peer.
+    """Return the experiment of a name, or all that need no peer.
 
     Raises:
         MacorError: there is none of that name, or its peer is not installed.

@@ -16,8 +16,8 @@ from macor_hil.experiments.drives.course import Course, on_course, trial_as_json
 from macor_hil.experiments.drives.systems import ANTICIPATIVE, GRADED, Learning, learn_all
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.report.drawing import draw_seeds
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.statistics import estimate, mean, order
 from macor_hil.experiments.results.store import Result, Results
 
@@ -43,7 +43,7 @@ class Settings(Learning):
 
     @property
     def arenas(self) -> tuple[str, ...]:
-        """Where trials are driven."""
+        """The arenas of the trials."""
         return (self.course.arena,)
 
 
@@ -88,11 +88,11 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
 
 
 def _below(trained: str, driven: str) -> str:
-    """What stands below a column of the picture, in lines that leave room for its neighbours."""
+    """Return the text below a column of the picture, in lines that leave room for neighbours."""
     return f"trained: {trained}\ndriven: {driven}".replace(",", ",\n")
 
 
-def tell(settings: Settings, results: Results) -> list[Block]:
+def tell(settings: Settings, results: Results) -> list[Element]:
     """Lengths by drift of training and of trials."""
     head = ("driven on", *(f"{n}, trained: {t}" for n in SHOWN for t in settings.trained))
     rows = tuple(

@@ -1,4 +1,4 @@
-"""What every experiment offers."""
+"""The interface of all experiments."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from typing import Any, Protocol
 from matplotlib.figure import Figure
 
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
-from macor_hil.experiments.report.blocks import Block
+from macor_hil.experiments.report.elements import Element
 from macor_hil.experiments.results.store import Result, Results
 
 
 class Settings(Protocol):
-    """What the settings of every experiment hold: a frozen dataclass."""
+    """The settings of an experiment: a frozen dataclass."""
 
     @property
     def drive(self) -> Drive:
@@ -50,7 +50,7 @@ class Experiment:
     settings: Any
     trial: Callable[[Any, int, Recordings], Result]
     draw: Callable[[Any, Results], Mapping[str, Figure]]
-    tell: Callable[[Any, Results], Sequence[Block]]
+    tell: Callable[[Any, Results], Sequence[Element]]
     results: str = ""
     most_seeds: int | None = None
     also: tuple["Experiment", ...] = ()

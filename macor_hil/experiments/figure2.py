@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from macor_hil.arrays import Array
 from macor_hil.experiments.drives.training_drive import SECTION_31, Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.statistics import estimate, order
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.clusterer import Clusterer
@@ -28,7 +28,7 @@ class Settings:
     """Section 3.1, with the paper's values."""
 
     drive: Drive = SECTION_31
-    """Where the inputs come from."""
+    """The drive that the inputs come from."""
     inputs: int = 13_100
     """Visual inputs of one presentation."""
     nodes: int = 30
@@ -42,7 +42,7 @@ class Settings:
     annealed: int = 5
     """Presentations over which the Neural Gas is annealed: 65,500 steps."""
     breadth: Breadth = field(default_factory=Breadth)
-    """What the search for the parameters of the Neural Gas tries."""
+    """The parameters of the Neural Gas that the search tries."""
     searched: int = 10
     """Every so many-th input is used in the search."""
 
@@ -57,7 +57,7 @@ GAS: Final = "Neural Gas"
 
 
 def full_annealing(settings: Settings, inputs: Array, seed: int) -> Annealing:
-    """The parameters of the smallest error, annealed over all presentations."""
+    """Return the parameters of the smallest error, annealed over all presentations."""
     data = inputs[:: settings.searched]
     tried = settings.breadth.annealings(settings.annealed * len(data))
     best = search(data, settings.nodes, tried, settings.annealed, seed)
@@ -127,7 +127,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
     return {"errors": figure}
 
 
-def tell(settings: Settings, results: Results) -> list[Block]:
+def tell(settings: Settings, results: Results) -> list[Element]:
     """Errors after each presentation, and what the search found."""
     return [
         Text(

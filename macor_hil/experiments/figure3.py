@@ -24,8 +24,8 @@ from macor_hil.experiments.drives.course import (
 )
 from macor_hil.experiments.drives.training_drive import SECTION_31, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.report.drawing import draw_trials
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.statistics import estimate, order
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.brain import Brain
@@ -58,13 +58,13 @@ class Settings:
     gas_presentations: int = 5
     """Presentations to the Neural Gas."""
     breadth: Breadth = field(default_factory=Breadth)
-    """What the search for the parameters of the Neural Gas tries."""
+    """The parameters of the Neural Gas that the search tries."""
     searched: int = 10
     """Every so many-th input is used in the search."""
     competence: Competence = field(default_factory=Competence)
     """Equation 1."""
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
-    """What commands earn."""
+    """The reinforcement of commands."""
     course: Course = field(default_factory=Course)
     """Trials from the arena's start."""
     elsewhere: Course = field(default_factory=lambda: Course(anywhere=True))
@@ -72,7 +72,7 @@ class Settings:
 
     @property
     def arenas(self) -> tuple[str, ...]:
-        """Where trials are driven."""
+        """The arenas of the trials."""
         return self.course.arena, self.elsewhere.arena
 
 
@@ -156,13 +156,13 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
     return {"trajectories": draw_trials(shown)}
 
 
-def tell(settings: Settings, results: Results) -> list[Block]:
-    """Steps, hours and behaviour side by side, with the paper's claim."""
+def tell(settings: Settings, results: Results) -> list[Element]:
+    """Report steps, hours and behaviour side by side, with the paper's claim."""
     return [*side_by_side(settings, results, HOURS), Text(_CLAIM), Text(differences(settings))]
 
 
-def side_by_side(settings: Settings, results: Results, hours: dict[str, float]) -> list[Block]:
-    """What figures 3 and 4 have in common: the picture and both tables."""
+def side_by_side(settings: Settings, results: Results, hours: dict[str, float]) -> list[Element]:
+    """Return what figures 3 and 4 have in common: the picture and both tables."""
     first = next(iter(results))
     return [
         Text(
@@ -237,7 +237,7 @@ _CLAIM: Final = (
 
 
 def differences(settings: Settings) -> str:
-    """What is not as in the paper."""
+    """Return the differences from the paper."""
     return (
         "Differences from the paper: its scenario is not printed; in the corridor used here a"
         " wall must be avoided 10 cm ahead, which no reactive system can, so that trials from"
@@ -249,7 +249,7 @@ def differences(settings: Settings) -> str:
 
 
 def make(name: str, title: str, settings: Settings, tell: Any) -> Experiment:
-    """An experiment of this kind."""
+    """Return an experiment of this kind."""
     return Experiment(name, title, settings, trial, draw, tell)
 
 

@@ -8,7 +8,7 @@ All other experimental configuration is the same as before."
 from typing import Final
 
 from macor_hil.experiments.figure3 import Settings, differences, make, side_by_side
-from macor_hil.experiments.report.blocks import Block, Text
+from macor_hil.experiments.report.elements import Element, Text
 from macor_hil.experiments.results.store import Results
 
 _CLAIM: Final = (
@@ -17,8 +17,8 @@ _CLAIM: Final = (
 )
 
 
-def tell(settings: Settings, results: Results) -> list[Block]:
-    """Steps and behaviour side by side, with the paper's claim."""
+def tell(settings: Settings, results: Results) -> list[Element]:
+    """Report steps and behaviour side by side, with the paper's claim."""
     return [*side_by_side(settings, results, {}), Text(_CLAIM), Text(differences(settings))]
 
 

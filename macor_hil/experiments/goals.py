@@ -30,7 +30,7 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.brain import Brain
@@ -51,7 +51,7 @@ class Settings(Learning):
     drive: Drive = field(default_factory=Drive)
     """The training drive."""
     goal: Reinforcement = field(default_factory=lambda: Reinforcement(straight=0.1, turn=0.62))
-    """What commands earn after the change."""
+    """The reinforcement of commands after the change."""
     looks: tuple[int, ...] = (0, 100, 300, 1_000, 3_000, 10_000)
     """Frames after the change at which trials are driven."""
     course: Course = field(default_factory=lambda: Course(trials=5))
@@ -59,7 +59,7 @@ class Settings(Learning):
 
     @property
     def arenas(self) -> tuple[str, ...]:
-        """Where trials are driven."""
+        """The arenas of the trials."""
         return (self.course.arena,)
 
 
@@ -90,7 +90,7 @@ def _earned(settings: Settings, track: Track, system: System, seed: int) -> floa
 
 
 def _changed(settings: Settings, system: System, recording: Recording, frames: int) -> System:
-    """A system some frames after the change."""
+    """Return a system some frames after the change."""
     known = system.brain.memories[system.planner.memory]
     revalued: Memory
     if isinstance(known, GradedMemory):
@@ -107,7 +107,7 @@ def _changed(settings: Settings, system: System, recording: Recording, frames: i
 def _revalued(
     settings: Settings, known: GradedMemory, recording: Recording, frames: int
 ) -> GradedMemory:
-    """Counts as they were; what commands earn: one old experience, and all since the change."""
+    """Return a memory with old counts, whose rewards are one old experience and all since."""
     since = graded_memory(settings, recording, known.situations)
     _relearn(settings, recording.brain, "graded", since, recording, frames)
     old, new = known.counts, since.counts
@@ -153,8 +153,8 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
     return {"goals": figure}
 
 
-def tell(settings: Settings, results: Results) -> list[Block]:
-    """What each system earns, and how soon."""
+def tell(settings: Settings, results: Results) -> list[Element]:
+    """Report the reinforcement of each system, and how soon it earns it."""
     rows = []
     for name in SHOWN:
         fresh = [result["trained for it"][name] for result in results.values()]

@@ -33,8 +33,8 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.report.drawing import draw_seeds
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.statistics import Order, estimate, mean, order
 from macor_hil.experiments.results.store import TOOK, Result, Results
 from macor_hil.experiments.table1 import (
@@ -50,7 +50,7 @@ OWN: Final = (REACTIVE, ANTICIPATIVE, Q, GRADED)
 
 @dataclass(frozen=True)
 class Settings(Learning):
-    """What is learned, and with which parameters TD-FALCON is tried."""
+    """Settings of learning, and the parameters that TD-FALCON is tried with."""
 
     drive: Drive = field(default_factory=Drive)
     """The training drive."""
@@ -70,7 +70,7 @@ class Settings(Learning):
 
     @property
     def arenas(self) -> tuple[str, ...]:
-        """Where trials are driven."""
+        """The arenas of the trials."""
         return (self.course.arena,)
 
 
@@ -127,7 +127,7 @@ def _lengths(results: Results, name: str) -> list[float]:
 
 
 def best(settings: Settings, results: Results) -> str:
-    """The candidate with the longest trials, the first one at a tie."""
+    """Return the candidate with the longest trials, the first one at a tie."""
     names = map(_name, settings.candidates)
     return max(names, key=lambda name: float(np.mean(_lengths(results, name))))
 
@@ -140,7 +140,7 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
     return {"lengths": draw_seeds(shown, "commands in a trial, mean of a seed's trials", {})}
 
 
-def tell(settings: Settings, results: Results) -> list[Block]:
+def tell(settings: Settings, results: Results) -> list[Element]:
     """All systems in one table, the test of their order, and what it says and does not."""
     return [
         Text(_scope(settings, results)),
@@ -192,7 +192,7 @@ def _row(results: Results, name: str, nodes: str) -> tuple[str, ...]:
 
 
 def _pairs(settings: Settings, results: Results) -> list[tuple[str, str]]:
-    """What is tested: graded situations over the peer, the peer over the paper's systems."""
+    """Return the tested pairs: graded situations and the peer, the peer and the paper's systems."""
     peer, label = best(settings, results), _first(settings)
     return [
         (f"{GRADED}, {label}", peer),
@@ -201,7 +201,7 @@ def _pairs(settings: Settings, results: Results) -> list[tuple[str, str]]:
 
 
 def _orders(settings: Settings, results: Results, criterion: str) -> dict[str, Order]:
-    """Tests of a criterion of `per_seed`, by what they claim."""
+    """Return the tests of a criterion of `per_seed`, by their claims."""
     return {
         f"{_short(a)} over {_short(b)}": order(
             per_seed(results, a)[criterion], per_seed(results, b)[criterion]

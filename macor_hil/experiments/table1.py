@@ -34,8 +34,8 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
 from macor_hil.experiments.report.drawing import draw_seeds, draw_trials
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.statistics import Order, estimate, order
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.catalogue import make_planner
@@ -53,7 +53,7 @@ class Settings(Learning):
 
     @property
     def arenas(self) -> tuple[str, ...]:
-        """Where trials are driven."""
+        """The arenas of the trials."""
         return (self.course.arena,)
 
 
@@ -141,7 +141,7 @@ def reinforcement_a_step(trials: list[Trial]) -> float:
 
 
 def per_seed(results: Results, system: str) -> dict[str, list[float]]:
-    """The table's criteria, one value a seed: the mean over its trials."""
+    """Return the table's criteria, one value a seed: the mean over its trials."""
     seeds = trials_of(results, system)
     return {
         "r": [float(np.mean([t.total for t in trials])) for trials in seeds],
@@ -152,7 +152,7 @@ def per_seed(results: Results, system: str) -> dict[str, list[float]]:
 
 
 def orders(results: Results, criterion: str) -> dict[str, Order]:
-    """Tests of the paper's ordering, and of the planner beyond it."""
+    """Return tests of the paper's ordering, and of the planner beyond it."""
     systems = systems_of(results)
     values = {system: per_seed(results, system)[criterion] for system in systems}
     pairs = (
@@ -174,7 +174,7 @@ def draw_table(_: Settings, results: Results) -> dict[str, Figure]:
 
 
 def typical_seed(results: Results) -> int:
-    """The seed whose anticipative trials are of median length, the lower one of two."""
+    """Return the seed whose anticipative trials are of median length, the lower one of two."""
     lengths = per_seed(results, ANTICIPATIVE)["length"]
     middle = np.argsort(lengths, kind="stable")[(len(lengths) - 1) // 2]
     return list(results)[int(middle)]
@@ -192,8 +192,8 @@ def draw_figure(_: Settings, results: Results) -> dict[str, Figure]:
     return {"trajectories": draw_trials(shown)}
 
 
-def tell_table(settings: Settings, results: Results) -> list[Block]:
-    """The table in the paper's form, over seeds, and the test of the ordering."""
+def tell_table(settings: Settings, results: Results) -> list[Element]:
+    """Report the table in the paper's form, over seeds, and the test of the ordering."""
     return [
         Text(_scope(settings, results)),
         _paper_table(results),
@@ -206,8 +206,8 @@ def tell_table(settings: Settings, results: Results) -> list[Block]:
     ]
 
 
-def tell_figure(settings: Settings, results: Results) -> list[Block]:
-    """What the picture shows."""
+def tell_figure(settings: Settings, results: Results) -> list[Element]:
+    """Report the picture."""
     seed = typical_seed(results)
     return [
         Text(
@@ -272,7 +272,7 @@ def _seed_table(results: Results) -> Table:
 
 
 def order_table(title: str, tests: Callable[[str], Mapping[str, Order]]) -> Table:
-    """Tests of orderings by reinforcement and by length.
+    """Return tests of orderings by reinforcement and by length.
 
     Args:
         title: what is tested.

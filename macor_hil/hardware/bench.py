@@ -6,7 +6,13 @@ For set-up and scoring only. A physical robot has no bench, and nothing that dri
 from typing import Any, Protocol, TypeVar
 
 import zenoh
-from khepera_protocol.zenoh.payloads import Outline, Payload, PayloadError, Reset, Truth, robot_key
+from khepera_protocol.zenoh.keys import ARENA, RESET, TRUTH, Key
+from khepera_protocol.zenoh.payload_model import Payload, PayloadError
+from khepera_protocol.zenoh.payloads import (
+    Outline,
+    Reset,
+    Truth,
+)
 from khepera_protocol.zenoh.reply import refusal
 
 from macor_hil.errors import BenchError
@@ -81,18 +87,18 @@ class ZenohBench:
 
     def reset(self, reset: Reset) -> Truth:
         """Put the robot somewhere."""
-        return self._ask("reset", Truth, reset.model_dump_json(exclude_none=True))
+        return self._ask(RESET, Truth, reset.model_dump_json(exclude_none=True))
 
     def truth(self) -> Truth:
         """Return where the robot really is."""
-        return self._ask("truth", Truth)
+        return self._ask(TRUTH, Truth)
 
     def outline(self) -> Outline:
         """Return the arena from above."""
-        return self._ask("arena", Outline)
+        return self._ask(ARENA, Outline)
 
-    def _ask(self, leaf: str, kind: type[_P], payload: str | None = None) -> _P:
-        key = robot_key(self._robot, leaf)
+    def _ask(self, asked: Key, kind: type[_P], payload: str | None = None) -> _P:
+        key = asked.of(self._robot)
         for reply in self._session.get(key, payload=payload, timeout=PATIENCE):
             if reply.ok is None:
                 raise BenchError(f"the emulator answers on {key}: {refusal(reply)}")

@@ -61,10 +61,10 @@ class ZenohOptions(ZenohConfigOptions):
 class DeviceOptions(ZenohOptions, LineOptions):
     """A robot's serial line and its camera."""
 
-    camera: Annotated[str, Cli(known=CAMERAS.names)] = Field(
+    camera: Annotated[str, Cli(names=CAMERAS.names)] = Field(
         default=AUTO,
-        description="auto, port, zenoh\\[:KEY], video:DEVICE, video:FILE or images:FOLDER; or a"
-        " class of your own.",
+        description="auto, port, zenoh\\[:KEY], video:DEVICE, video:FILE or images:FOLDER;"
+        " kinds are {names}; or a class of your own.",
     )
 
     @property

@@ -67,9 +67,9 @@ class PartSettings(BaseModel):
 class PlannerOptions(PartSettings):
     """One planner."""
 
-    planner: Annotated[str, Cli(known=PLANNERS.names)] = Field(
+    planner: Annotated[str, Cli(names=PLANNERS.names)] = Field(
         default="anticipative",
-        description="How to choose commands: a name, module:Class or file.py:Class.",
+        description="How to choose commands: {names}; or module:Class, file.py:Class.",
     )
 
     def make_planner(self) -> Planner:
@@ -99,18 +99,20 @@ class MindOptions(PartSettings):
     nodes: int = Field(
         default=_DEFAULT.nodes, ge=1, le=MOST_NODES, description="Most situations there can be."
     )
-    eyes: Annotated[str, Cli(known=EYES.names)] = Field(
-        default=_DEFAULT.eyes.use, description="Part that turns pictures into features."
+    eyes: Annotated[str, Cli(names=EYES.names)] = Field(
+        default=_DEFAULT.eyes.use,
+        description="Turns pictures into features: {names}; or a class.",
     )
-    clusterer: Annotated[str, Cli(known=CLUSTERERS.names)] = Field(
-        default=_DEFAULT.clusterer.use, description="Part that turns features into situations."
+    clusterer: Annotated[str, Cli(names=CLUSTERERS.names)] = Field(
+        default=_DEFAULT.clusterer.use,
+        description="Turns features into situations: {names}; or a class.",
     )
     memory: Annotated[
         tuple[str, ...],
-        Cli(metavar="NAME[=PART]", known=MEMORIES.names, show_default="those of all planners"),
-    ] = Field(default=(), description="A memory that learns, by the name that planners ask for.")
-    planner: Annotated[tuple[str, ...], Cli(known=PLANNERS.names)] = Field(
-        default=(), description="Learn the memory that this planner reads, and no others."
+        Cli(metavar="NAME[=PART]", names=MEMORIES.names, show_default="those of all planners"),
+    ] = Field(default=(), description="A memory that learns: {names}.")
+    planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names)] = Field(
+        default=(), description="Learn the memory that this planner reads, and no others: {names}."
     )
 
     def mind_settings(self, mirror: Mirror | None = None) -> MindSettings:

@@ -1,4 +1,4 @@
-"""Follows a robot: takes what its feed gives into what is known of it."""
+"""Follows a robot: its feed's events go into its state."""
 
 import time
 from collections.abc import Callable
@@ -7,12 +7,12 @@ from typing import Self
 import zenoh
 from khepera_protocol.zenoh.keys import CONTROLLER
 
-from macor_hil.monitor.robot_state import Watched
+from macor_hil.monitor.robot_state import RobotState
 from macor_hil.telemetry.feed import Feed
 
 
-class Watcher:
-    """Follows one robot and its controller; use as a context.
+class Follower:
+    """A follower of one robot and its controller; use as a context.
 
     Args:
         session, robot, camera: see `Feed`.
@@ -25,7 +25,7 @@ class Watcher:
     """
 
     def __init__(self, session: zenoh.Session, robot: str, *, camera: bool = False) -> None:
-        self.watched = Watched(robot)
+        self.watched = RobotState(robot)
         self.feed = Feed(session, robot, camera=camera)
 
     def __enter__(self) -> Self:
@@ -36,7 +36,7 @@ class Watcher:
 
     @property
     def introduced(self) -> bool:
-        """Whether a controller is there and has told its latest state and decision."""
+        """True while a controller is there that has told its latest state and decision."""
         return self.watched.controlled.alive and self.feed.introduced(CONTROLLER)
 
     @property

@@ -16,7 +16,7 @@ from macor_hil.runs.trials import Trial
 
 
 def draw_trials(path: Path, outline: Outline, trials: Mapping[str, Trial]) -> None:
-    """One trial of each planner: the way in the arena, the reinforcement below (figure 3).
+    """Draw one trial of each planner: the path in the arena, the reinforcement below (figure 3).
 
     Circles mark the robot after every command, the last one red after a collision.
 
@@ -48,7 +48,7 @@ def draw_trials(path: Path, outline: Outline, trials: Mapping[str, Trial]) -> No
 
 
 def draw_view(path: Path, eyes: PanoramaEyes, image: Image) -> None:
-    """What the robot sees, and what its receptive fields make of it.
+    """Draw the robot's view and the features of its receptive fields.
 
     Args:
         path: where the PNG goes.
@@ -90,7 +90,7 @@ def draw_view(path: Path, eyes: PanoramaEyes, image: Image) -> None:
 
 
 def draw_way(axes: Any, outline: Outline, trial: Trial, width: float = 1.0) -> None:
-    """The arena, and the robot after every command; the last one red after a collision."""
+    """Draw the arena and the robot after every command; the last one red after a collision."""
     from matplotlib.patches import Circle, Polygon
 
     axes.set_facecolor(outline.floor)

@@ -1,24 +1,27 @@
-"""What a watcher knows of a robot: gathered from events, without Zenoh, terminal or browser."""
+"""The state of a robot, gathered from events; no Zenoh, terminal or browser."""
 
 from collections import deque
 from dataclasses import dataclass, field
 from math import hypot
 from typing import Final
 
-from khepera_protocol.zenoh.keys import EMULATOR
+from khepera_protocol.zenoh.controller_payloads import (
+    Decision,
+    Learned,
+    Link,
+    State,
+)
+from khepera_protocol.zenoh.keys import CAMERA, EMULATOR, FRAME, PAYLOADS
+from khepera_protocol.zenoh.payload_model import Payload, PayloadError
 from khepera_protocol.zenoh.payloads import (
     Outline,
-    Payload,
-    PayloadError,
     Pose,
     Truth,
     Wire,
     WireEntry,
 )
 
-from macor_hil.telemetry.feed import CAMERA, Arrival, Heard, Loss, NotTaken, Presence, Refusal
-from macor_hil.telemetry.keys import FRAME, PAYLOADS
-from macor_hil.telemetry.schemas import Decision, Learned, Link, State
+from macor_hil.telemetry.feed import Arrival, Heard, Loss, NotTaken, Presence, Refusal
 
 _RATE_OVER: Final = 12
 """Samples that a rate is taken over."""
@@ -54,13 +57,13 @@ _NS: Final = 1e-9
 
 
 class Arrivals:
-    """When the samples of a stream arrived, in seconds of any clock."""
+    """The times at which samples of a stream arrived, in seconds of any clock."""
 
     def __init__(self) -> None:
         self._times: deque[float] = deque(maxlen=_RATE_OVER)
 
     def add(self, now: float) -> None:
-        """A sample has arrived."""
+        """Add the arrival of a sample."""
         self._times.append(now)
 
     def rate(self, now: float) -> float | None:
@@ -102,7 +105,7 @@ class Emulated:
     driven: float | None = None
 
     def place(self, truth: Truth) -> None:
-        """The robot is somewhere."""
+        """Take in a ground truth."""
         self.truth = truth
         self.truths.append((truth.time, truth.pose))
         way = _distance(self.path[-1], truth.pose) if self.path else 0.0
@@ -112,14 +115,14 @@ class Emulated:
             self.path.append(truth.pose)
 
     def pose_at(self, time: float) -> Pose | None:
-        """Where the robot was at a time of its clock; None if that is not known."""
+        """Return the robot's pose at a time of its clock; None if it is not known."""
         if not self.truths:
             return None
         when, pose = min(self.truths, key=lambda known: abs(known[0] - time))
         return pose if abs(when - time) < 0.5 else None
 
     def pass_by(self, wire: Wire, now: float | None) -> None:
-        """Something has passed on the line."""
+        """Take in what has passed on the line."""
         self.wire.extend(wire.entries)
         for entry in wire.entries:
             if entry.what in ("request", "reply"):
@@ -163,7 +166,7 @@ class Controlled:
     decisions: Arrivals = field(default_factory=Arrivals)
 
     def decide(self, decision: Decision, now: float | None) -> None:
-        """A decision has arrived, now or, where that is None, some time ago."""
+        """Take in a decision that has arrived now or, where that is None, some time ago."""
         last = self.decision
         if last is None or decision.sequence <= last.sequence:
             self.history.clear()  # a run begins, or watching does
@@ -176,8 +179,8 @@ class Controlled:
 
 
 @dataclass
-class Watched:
-    """One robot, as seen from outside.
+class RobotState:
+    """The state of one robot, as seen from outside.
 
     Attributes:
         robot: its name in the keys.
@@ -212,7 +215,7 @@ class Watched:
                     self.not_taken.count(Refusal(event.leaf, reason, event.received))
 
     def see(self, picture: bytes, now: float) -> None:
-        """A picture has arrived."""
+        """Take in a picture."""
         self.frame = picture
         self.frames.add(now)
 
@@ -228,7 +231,8 @@ class Watched:
 
     def _note(self, arrival: Arrival) -> None:
         now = arrival.received * _NS
-        if arrival.leaf == FRAME or (arrival.leaf == CAMERA and not self.controlled.alive):
+        own = arrival.leaf == CAMERA.leaf and not self.controlled.alive
+        if own or arrival.leaf == FRAME.leaf:
             self.see(arrival.data, now)
         elif kind := PAYLOADS.get((arrival.side, arrival.leaf)):
             self._read(kind.parse(arrival.data), now if arrival.live else None)

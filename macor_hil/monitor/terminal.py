@@ -8,7 +8,7 @@ import zenoh
 from rich.console import Console
 from rich.live import Live
 
-from macor_hil.monitor.follower import Watcher
+from macor_hil.monitor.follower import Follower
 from macor_hil.monitor.terminal_view import render
 
 _REFRESH: Final = 0.2
@@ -42,21 +42,21 @@ def watch(
         TelemetryError: the name cannot be part of a key.
     """
     console = console or Console()
-    with Watcher(session, robot) as watcher:
+    with Follower(session, robot) as follower:
         if once:
-            watcher.follow(_ONCE_PATIENCE, until=lambda: watcher.introduced)
-            console.print(render(watcher.watched, watcher.now))
+            follower.follow(_ONCE_PATIENCE, until=lambda: follower.introduced)
+            console.print(render(follower.watched, follower.now))
         else:
-            _show(watcher, console, inf if duration is None else duration)
-        return watcher.watched.controlled.alive
+            _show(follower, console, inf if duration is None else duration)
+        return follower.watched.controlled.alive
 
 
-def _show(watcher: Watcher, console: Console, duration: float) -> None:
+def _show(follower: Follower, console: Console, duration: float) -> None:
     end = time.monotonic() + duration
     with Live(console=console, auto_refresh=False, transient=False) as live:
         try:
             while (now := time.monotonic()) < end:
-                live.update(render(watcher.watched, watcher.now), refresh=True)
-                watcher.follow(min(_REFRESH, end - now))
+                live.update(render(follower.watched, follower.now), refresh=True)
+                follower.follow(min(_REFRESH, end - now))
         except KeyboardInterrupt:
             pass  # the way to end it

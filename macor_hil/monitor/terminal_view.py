@@ -6,13 +6,19 @@ from typing import Final
 from khepera_protocol.serial.commands import SENSORS
 from khepera_protocol.serial.units import PROXIMITY_FULL
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import (
+    Alternative,
+    Decision,
+    Link,
+    Phase,
+    State,
+)
 from rich.console import RenderableType
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from macor_hil.monitor.robot_state import Arrivals, Controlled, Emulated, Watched
-from macor_hil.telemetry.schemas import Alternative, Decision, Link, Phase, State
+from macor_hil.monitor.robot_state import Arrivals, Controlled, Emulated, RobotState
 
 _BAR_WIDTH: Final = 32
 _MOST_ALTERNATIVES: Final = 5
@@ -31,8 +37,8 @@ _PHASE_STYLES: Final = {
 }
 
 
-def render(watched: Watched, now: float) -> RenderableType:
-    """The view of a controller.
+def render(watched: RobotState, now: float) -> RenderableType:
+    """Return the view of a controller.
 
     Args:
         watched: what is known.
@@ -61,14 +67,14 @@ def render(watched: Watched, now: float) -> RenderableType:
 
 
 def spark(values: list[float], width: int = 40) -> str:
-    """A curve of one line, from 0 to the greatest value."""
+    """Return a curve of one line, from 0 to the greatest value."""
     shown = values[-width:]
     top = max(shown, default=0.0)
     return "".join(_level(value / top if top > 0.0 else 0.0) for value in shown)
 
 
 def bar(share: float, width: int = _BAR_WIDTH) -> str:
-    """A horizontal bar, `share` of a width in characters."""
+    """Return a horizontal bar, `share` of a width in characters."""
     eighths = round(min(max(share, 0.0), 1.0) * width * 8)
     full, rest = divmod(eighths, 8)
     return ("█" * full + (_EIGHTHS[rest] if rest else "")).ljust(width)
@@ -89,7 +95,7 @@ def _status(watched: Controlled, client: str) -> Text:
 
 
 def _farewell(watched: Controlled) -> str:
-    """How the controller that has gone ended, as far as it said."""
+    """Return how the controller that has gone ended, as far as it said."""
     state = watched.state
     if not watched.met or state is None:
         return ""

@@ -5,14 +5,7 @@ from dataclasses import asdict
 from typing import Final
 
 from khepera_protocol.mirror import Mirror
-
-from macor_hil.commands import COMMANDS
-from macor_hil.hardware.line_statistics import Reading
-from macor_hil.mind.brain import Brain
-from macor_hil.mind.eyes.opponent import CHANNELS
-from macor_hil.mind.eyes.panorama import PanoramaEyes
-from macor_hil.runs.agent import Step
-from macor_hil.telemetry.schemas import (
+from khepera_protocol.zenoh.controller_payloads import (
     Ahead,
     Alternative,
     Command,
@@ -25,6 +18,13 @@ from macor_hil.telemetry.schemas import (
     Odometry,
     Situation,
 )
+
+from macor_hil.commands import COMMANDS
+from macor_hil.hardware.line_statistics import Reading
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.eyes.opponent import CHANNELS
+from macor_hil.mind.eyes.panorama import PanoramaEyes
+from macor_hil.runs.agent import Step
 
 _DIGITS: Final = 4
 """Of activities and features, which are many and only looked at."""

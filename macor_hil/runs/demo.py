@@ -17,6 +17,7 @@ from tempfile import TemporaryFile
 from typing import IO
 
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.payloads import (
     CONTROLLER_ENDPOINT,
     DEFAULT_ENDPOINT,
@@ -31,7 +32,6 @@ from macor_hil.hardware.bench import Bench, ZenohBench
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 from macor_hil.runs.trials import Trial
-from macor_hil.telemetry.schemas import Decision
 from macor_hil.telemetry.session import open_session
 
 PLANNERS_SHOWN = ("graded", "anticipative", "reactive")

@@ -25,6 +25,7 @@ from typing import Any, Final
 
 import numpy as np
 import zenoh
+from khepera_protocol.zenoh.controller_payloads import Phase
 from khepera_protocol.zenoh.payloads import Pose
 
 from macor_hil.errors import CameraError, MacorError, RobotError
@@ -46,7 +47,6 @@ from macor_hil.runs.trials import drive
 from macor_hil.safety.interruption import Interruption, signals_taken_over
 from macor_hil.safety.late_bell import LateBell
 from macor_hil.telemetry.publisher import Publisher
-from macor_hil.telemetry.schemas import Phase
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import StopKey
 

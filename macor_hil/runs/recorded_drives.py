@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
-from khepera_protocol.zenoh.keys import CONTROLLER
+from khepera_protocol.zenoh.controller_payloads import Decision
+from khepera_protocol.zenoh.keys import CONTROLLER, DECISION, FRAME
 
 from macor_hil.arrays import Array, Image
 from macor_hil.commands import COMMANDS, FIRST_COMMAND
@@ -22,8 +23,6 @@ from macor_hil.mind.brain import Brain
 from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.stored import MOST_EARNED
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.keys import DECISION, FRAME
-from macor_hil.telemetry.schemas import Decision
 
 _log = logging.getLogger(__name__)
 
@@ -147,9 +146,9 @@ def _runs(brain: Brain, events: Iterable[Event], left_out: Counter[str]) -> list
             # not while a run has but begun: its first frame may have come before
             if event.side == CONTROLLER and event.alive and runs[-1].decisions:
                 runs.append(_Run())
-        elif event.leaf == DECISION:
+        elif event.leaf == DECISION.leaf:
             _add_decision(runs, event, left_out)
-        elif event.leaf == FRAME:
+        elif event.leaf == FRAME.leaf:
             try:
                 _add_frame(runs, event, brain, left_out)
             except CameraError as error:

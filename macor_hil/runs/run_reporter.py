@@ -9,7 +9,9 @@ from types import TracebackType
 from typing import Self
 
 from khepera_protocol.validation import first_fault
-from khepera_protocol.zenoh.payloads import MOST_TEXT, Pose
+from khepera_protocol.zenoh.controller_payloads import Decision, Odometry, Phase, State
+from khepera_protocol.zenoh.payload_model import MOST_TEXT
+from khepera_protocol.zenoh.payloads import Pose
 from pydantic import ValidationError
 
 from macor_hil.hardware.cameras import Camera
@@ -20,8 +22,7 @@ from macor_hil.runs.agent import Step
 from macor_hil.runs.decision_samples import decision_of, learned_of, link_of
 from macor_hil.runs.options import RunOptions
 from macor_hil.safety.interruption import Interruption
-from macor_hil.telemetry.publisher import Publisher, WatchedCamera
-from macor_hil.telemetry.schemas import Decision, Odometry, Phase, State
+from macor_hil.telemetry.publisher import Publisher, PublishingCamera
 from macor_hil.telemetry.steady_clock import SteadyClock
 
 _log = logging.getLogger(__name__)
@@ -130,7 +131,7 @@ class RunReporter:
 
     def watched(self, camera: Camera) -> Camera:
         """Return a camera whose pictures watchers see, too."""
-        return WatchedCamera(camera, self._publisher.frame) if self._publisher else camera
+        return PublishingCamera(camera, self._publisher.frame) if self._publisher else camera
 
     def check(self) -> None:
         """Raise an error where watchers are told nothing any more."""

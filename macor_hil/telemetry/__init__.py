@@ -1,1 +1,1 @@
-"""What the controller tells the world over Zenoh: keys, payloads and the publisher."""
+"""Data that the controller publishes over Zenoh, their recordings, and their form for ROS 2."""

@@ -3,22 +3,7 @@
 from math import pi
 from typing import Final
 
-from khepera_protocol.zenoh.payloads import (
-    CameraQuery,
-    Outline,
-    Payload,
-    Pose,
-    Reset,
-    Solid,
-    Stamp,
-    Stop,
-    Truth,
-    WheelDrift,
-    Wire,
-    WireEntry,
-)
-
-from macor_hil.telemetry.schemas import (
+from khepera_protocol.zenoh.controller_payloads import (
     Ahead,
     Alternative,
     Command,
@@ -32,6 +17,20 @@ from macor_hil.telemetry.schemas import (
     Phase,
     Situation,
     State,
+)
+from khepera_protocol.zenoh.payload_model import Payload
+from khepera_protocol.zenoh.payloads import (
+    CameraQuery,
+    Outline,
+    Pose,
+    Reset,
+    Solid,
+    Stamp,
+    Stop,
+    Truth,
+    WheelDrift,
+    Wire,
+    WireEntry,
 )
 
 _BEST: Final = [Ahead(node=1, command="straight"), Ahead(node=0, command="left")]

@@ -1,4 +1,4 @@
-"""Everything that is told of a robot, as one stream of events; for monitors and recorders.
+"""All published data of a robot as one stream of events; for monitors and recorders.
 
 Zenoh calls back in threads of its own; they only put what came into an inbox, which is bounded.
 Everything else happens in the thread that takes the events.
@@ -13,31 +13,41 @@ from typing import Final, Self
 
 import zenoh
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
-from khepera_protocol.zenoh.payloads import MOST_JSON, MOST_PICTURE, PayloadError, Stamp
+from khepera_protocol.zenoh.keys import (
+    ALIVE,
+    ARENA,
+    CAMERA,
+    CONTROLLER,
+    DECISION,
+    EMULATOR,
+    KEYS,
+    LINK,
+    MAP,
+    STATE,
+    TRUTH,
+    Key,
+)
+from khepera_protocol.zenoh.payload_model import PayloadError
+from khepera_protocol.zenoh.payloads import Stamp
 
 from macor_hil.telemetry.inbox import Inbox
-from macor_hil.telemetry.keys import ALIVE, KEYS, PAYLOADS
-from macor_hil.telemetry.samples import check_sample, size_of, stamp_of
+from macor_hil.telemetry.sample_checks import check_sample, size_of, stamp_of
 from macor_hil.telemetry.session import check_robot_name
 from macor_hil.telemetry.steady_clock import SteadyClock
-
-CAMERA: Final = "camera"
-"""The emulator's own picture stream."""
 
 _QUERY_PATIENCE: Final = 2.0
 """Seconds that the answer to a query for the latest sample may take."""
 
 _QUERIED: Final = {
-    EMULATOR: ("arena", "truth"),
-    CONTROLLER: ("map", "state", "decision", "link"),
+    EMULATOR: (ARENA, TRUTH),
+    CONTROLLER: (MAP, STATE, DECISION, LINK),
 }
-"""What to ask whoever appears for, in this order."""
+"""The keys that a side is queried for when it appears, in this order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """Emulator or controller (the side) has appeared, or gone, at a time of the wall clock (ns)."""
+    """The appearance of a side, or its end, at a time of the wall clock (ns)."""
 
     side: str
     alive: bool
@@ -46,7 +56,7 @@ class Presence:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A sample has come.
+    """The arrival of a sample.
 
     Attributes:
         side, leaf: first and last part of its key.
@@ -68,7 +78,7 @@ class Arrival:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A sample came that is none of a robot's: of which leaf, why not, and when (ns)."""
+    """A sample that was refused: the leaf of its key, the reason, and the time (ns)."""
 
     leaf: str
     reason: str
@@ -77,7 +87,7 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """So many samples came faster than they were taken, and were left out, until a time (ns)."""
+    """A number of samples, until a time (ns), that came faster than they were taken."""
 
     count: int
     received: int
@@ -85,7 +95,7 @@ class Loss:
 
 @dataclass
 class NotTaken:
-    """Counts samples that were not taken, for those who are to know.
+    """Counts of samples that were not taken.
 
     Attributes:
         refused: samples that were none of a robot's, or could not be read.
@@ -113,14 +123,14 @@ class NotTaken:
 
 
 Event = Presence | Arrival
-"""What is known of a robot; recordings hold nothing else."""
+"""An event of a robot; recordings hold nothing else."""
 
 Heard = Event | Refusal | Loss
-"""What a feed gives."""
+"""An event, or a sample that was not taken."""
 
 
 class Feed:
-    """Follows one robot; use as a context.
+    """A subscriber of all keys of one robot; use as a context.
 
     Args:
         session: an open session, which stays its owner's.
@@ -141,19 +151,19 @@ class Feed:
         self._session = session
         self._robot = robot
         self._inbox: Inbox[Callable[[], Heard | None]] = Inbox()
-        self._newest: dict[str, zenoh.Timestamp] = {}
-        self._answered: dict[str, tuple[zenoh.Timestamp, int]] = {}
-        self._unanswered: dict[str, set[str]] = {}
+        self._newest: dict[Key, zenoh.Timestamp] = {}
+        self._answered: dict[Key, tuple[zenoh.Timestamp, int]] = {}
+        self._unanswered: dict[str, set[Key]] = {}
         self._alive: set[str] = set()
         self._camera: ExitStack | None = ExitStack() if camera else None
         self._camera_on = False
         with ExitStack() as stack:
             for key in KEYS:
-                if key.published and key.leaf != CAMERA:
-                    stack.enter_context(self._subscriber(key.side, key.leaf))
+                if key.published and key != CAMERA:
+                    stack.enter_context(self._subscriber(key))
             for side in _QUERIED:
                 token = session.liveliness().declare_subscriber(
-                    f"{side}/{robot}/{ALIVE}", self._meeting(side), history=True
+                    ALIVE[side].of(robot), self._meeting(side), history=True
                 )
                 stack.enter_context(token)
             if self._camera:
@@ -189,19 +199,16 @@ class Feed:
             return
         self._camera_on = wanted
         if wanted:
-            self._camera.enter_context(self._subscriber(EMULATOR, CAMERA))
+            self._camera.enter_context(self._subscriber(CAMERA))
         else:
             self._camera.close()
 
-    def _key(self, side: str, leaf: str) -> str:
-        return f"{side}/{self._robot}/{leaf}"
-
-    def _subscriber(self, side: str, leaf: str) -> "zenoh.Subscriber[None]":
+    def _subscriber(self, key: Key) -> "zenoh.Subscriber[None]":
         def enqueue(sample: zenoh.Sample) -> None:
             received = self.clock()
-            self._inbox.put(partial(self._take, side, leaf, sample, received), size_of(sample))
+            self._inbox.put(partial(self._take, key, sample, received), size_of(sample))
 
-        return self._session.declare_subscriber(self._key(side, leaf), enqueue)
+        return self._session.declare_subscriber(key.of(self._robot), enqueue)
 
     def _meeting(self, side: str) -> Callable[[zenoh.Sample], None]:
         def enqueue(token: zenoh.Sample) -> None:
@@ -212,9 +219,9 @@ class Feed:
 
     def _meet(self, side: str, token: zenoh.Sample, received: int) -> Heard:
         try:
-            check_sample(token, self._key(side, ALIVE), 0)
+            check_sample(token, ALIVE[side].of(self._robot), 0)
         except PayloadError as error:
-            return Refusal(ALIVE, str(error), received)
+            return Refusal(ALIVE[side].leaf, str(error), received)
         if token.kind == zenoh.SampleKind.DELETE:
             self._alive.discard(side)
             self._choose_camera()
@@ -222,41 +229,40 @@ class Feed:
         self._alive.add(side)
         self._choose_camera()
         unanswered = self._unanswered[side] = set(_QUERIED[side])
-        for leaf in _QUERIED[side]:
-            self._newest.pop(self._key(side, leaf), None)
-            self._answered.pop(self._key(side, leaf), None)
-            self._ask(side, leaf, unanswered)
+        for key in _QUERIED[side]:
+            self._newest.pop(key, None)
+            self._answered.pop(key, None)
+            self._ask(key, unanswered)
         return Presence(side, True, received)
 
-    def _ask(self, side: str, leaf: str, unanswered: set[str]) -> None:
+    def _ask(self, key: Key, unanswered: set[Key]) -> None:
         def enqueue(reply: zenoh.Reply) -> None:
             received, sample = self.clock(), reply.ok
             if sample is not None:  # otherwise there is nothing to tell yet
-                take = partial(self._take, side, leaf, sample, received, live=False)
+                take = partial(self._take, key, sample, received, live=False)
                 self._inbox.put(take, size_of(sample))
 
         def end() -> None:
-            self._inbox.notify(lambda: unanswered.discard(leaf))
+            self._inbox.notify(lambda: unanswered.discard(key))
 
         answers = zenoh.handlers.Callback(enqueue, end)
-        self._session.get(self._key(side, leaf), answers, timeout=_QUERY_PATIENCE)
+        self._session.get(key.of(self._robot), answers, timeout=_QUERY_PATIENCE)
 
     def _take(
-        self, side: str, leaf: str, sample: zenoh.Sample, received: int, *, live: bool = True
+        self, key: Key, sample: zenoh.Sample, received: int, *, live: bool = True
     ) -> Heard | None:
         """Return what came, unless it is known already or older than what is known."""
-        key = self._key(side, leaf)
         try:
-            check_sample(sample, key, MOST_JSON if (side, leaf) in PAYLOADS else MOST_PICTURE)
+            check_sample(sample, key.of(self._robot), key.limit)
             stamp = stamp_of(sample)
         except PayloadError as error:
-            return Refusal(leaf, str(error), received)
+            return Refusal(key.leaf, str(error), received)
         if sample.timestamp is not None and self._is_known(key, sample.timestamp, received, live):
             return None
         data, encoding = sample.payload.to_bytes(), str(sample.encoding)
-        return Arrival(side, leaf, data, encoding, stamp, received, live)
+        return Arrival(key.side, key.leaf, data, encoding, stamp, received, live)
 
-    def _is_known(self, key: str, timestamp: zenoh.Timestamp, received: int, live: bool) -> bool:
+    def _is_known(self, key: Key, timestamp: zenoh.Timestamp, received: int, live: bool) -> bool:
         """Return whether a sample is no news, and remember it.
 
         An answer may overtake what was published before it, and may come after what was published

@@ -11,7 +11,7 @@ _T = TypeVar("_T")
 
 MOST_ITEMS: Final = 10_000
 MOST_BYTES: Final = 64_000_000
-"""What waits at most, of samples; some seconds of a robot that is watched."""
+"""Samples that wait at most: some seconds of one robot."""
 
 _MOST_NOTICES: Final = 1_000
 

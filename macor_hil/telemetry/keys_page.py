@@ -4,12 +4,17 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
-from khepera_protocol.zenoh.keys import Key
-from khepera_protocol.zenoh.payloads import MOST_JSON, MOST_PICTURE, MOST_STAMP, Payload, Stamp
+from khepera_protocol.zenoh.keys import KEYS, Key
+from khepera_protocol.zenoh.payload_model import (
+    MOST_JSON,
+    MOST_PICTURE,
+    MOST_STAMP,
+    Payload,
+)
+from khepera_protocol.zenoh.payloads import Stamp
 from khepera_protocol.zenoh.schema import schema_of
 
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.keys import KEYS
 
 _HEAD: Final = """# Keys and payloads
 
@@ -43,7 +48,7 @@ Schema of the key's payload (`application/schema+json`); `macor-hil keys decisio
 
 
 def keys_page() -> str:
-    """The whole page, in Markdown."""
+    """Return the whole page, in Markdown."""
     parts = [_HEAD, *_payload(Stamp), _QUERIES, _table()]
     described: set[type[Payload]] = set()
     for key in KEYS:
@@ -135,7 +140,7 @@ def _number(value: float) -> str:
 
 
 def _wrapped(text: str, width: int = 100) -> str:
-    """JSON text in lines, broken after commas."""
+    """Return a JSON text in lines, broken after commas."""
     lines, line = [], ""
     for part in text.replace(",", ",\0").split("\0"):
         if len(line) + len(part) > width:

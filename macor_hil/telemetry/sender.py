@@ -1,4 +1,4 @@
-"""A thread that carries out what it is given, in order, so that who drives need not wait for it."""
+"""A thread that sends samples in order, so that the loop that drives need not wait for it."""
 
 import logging
 from collections.abc import Callable
@@ -20,8 +20,8 @@ _MOST: Final = 300
 """Actions that wait at most: a minute of driving."""
 
 
-class Outbox:
-    """Carries out actions in a thread of its own; use as a context, whose end waits for the rest.
+class Sender:
+    """A thread of its own for actions; use as a context, whose end waits for the rest.
 
     An action that fails by Zenoh, as telemetry may, or by a payload out of its bounds is logged,
     and the next one follows: nobody stops a robot because nobody hears of it. Any other failure is
@@ -30,7 +30,7 @@ class Outbox:
 
     def __init__(self) -> None:
         self._actions: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._thread = HelperThread(self._run, "outbox")
+        self._thread = HelperThread(self._run, "sender")
         self._dropped = 0
 
     def __enter__(self) -> Self:
@@ -44,7 +44,7 @@ class Outbox:
             _log.warning("%d samples were not told: telemetry was too slow", self._dropped)
 
     def carry_out(self, action: Callable[[], None]) -> None:
-        """Have something done soon, after all that was given before; dropped if too much waits."""
+        """Have an action carried out after all before it; drop it if too many wait."""
         if self._thread.ended():
             return
         if self._actions.qsize() < _MOST:
@@ -55,7 +55,7 @@ class Outbox:
         self._dropped += 1
 
     def check(self) -> None:
-        """See that something would be carried out.
+        """Check that actions are still carried out.
 
         Raises:
             TelemetryError: the thread has ended.

@@ -1,10 +1,10 @@
-"""The wall clock as it was when watching began, carried on by one that never jumps."""
+"""The wall clock as it was at the start, carried on by one that never jumps."""
 
 import time
 
 
 class SteadyClock:
-    """Reads the wall clock once; whoever sets it later does not move this one."""
+    """A wall clock that does not follow later changes of the machine's."""
 
     def __init__(self) -> None:
         self._zero = time.time_ns() - time.monotonic_ns()

@@ -1,4 +1,4 @@
-"""The stop key `macor/<robot>/stop`: whoever reaches it may end a run, if the run allows it.
+"""The stop key `macor/<robot>/stop`: ends a run that allows it.
 
 Only what names the key itself and holds a `Stop` counts: a query or a sample for all keys
 (`macor/**`, `**`) is a look, and ends nothing.
@@ -9,11 +9,12 @@ from contextlib import ExitStack
 from typing import Final, Self
 
 import zenoh
-from khepera_protocol.zenoh.payloads import PayloadError, Stop, controller_key
+from khepera_protocol.zenoh.keys import STOP
+from khepera_protocol.zenoh.payload_model import PayloadError
+from khepera_protocol.zenoh.payloads import Stop
 from khepera_protocol.zenoh.reply import refusal
 
 from macor_hil.errors import TelemetryError
-from macor_hil.telemetry.keys import STOP
 from macor_hil.telemetry.session import check_robot_name
 
 _PATIENCE: Final = 2.0
@@ -24,7 +25,7 @@ _REQUEST: Final = Stop(stop=True).model_dump_json()
 
 
 class StopKey:
-    """Listens on the stop key of one robot; use as a context.
+    """The stop key of one robot; use as a context.
 
     Args:
         session: an open session, which stays its owner's.
@@ -34,7 +35,7 @@ class StopKey:
 
     def __init__(self, session: zenoh.Session, robot: str, stop: Callable[[str], None]) -> None:
         check_robot_name(robot)
-        self._key = controller_key(robot, STOP)
+        self._key = STOP.of(robot)
         self._stop = stop
         with ExitStack() as stack:
             stack.enter_context(session.declare_queryable(self._key, self._answer))
@@ -80,7 +81,7 @@ def ask_to_stop(session: zenoh.Session, robot: str) -> None:
         TelemetryError: no controller takes the request.
     """
     check_robot_name(robot)
-    key = controller_key(robot, STOP)
+    key = STOP.of(robot)
     replies = list(session.get(key, payload=_REQUEST, timeout=_PATIENCE))
     if any(reply.ok for reply in replies):
         return

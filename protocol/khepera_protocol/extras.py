@@ -1,4 +1,4 @@
-"""What to do about an extra that is not installed."""
+"""Advice about an extra that is not installed."""
 
 import json
 import shlex

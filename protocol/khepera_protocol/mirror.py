@@ -21,7 +21,7 @@ _HIGH: Final = radians(20.0)
 
 @dataclass(frozen=True, slots=True)
 class Mirror:
-    """Where the mirror lies in the image, and what it shows; the bounds are those of files.
+    """The place of the mirror in the image, and the elevations that it shows.
 
     Attributes:
         width, height: size of the image in pixels.

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Final, get_args, get_origin
+from typing import Annotated, Any, Final, TypeVar, get_args, get_origin
 
 import typer
 from pydantic import BaseModel, ValidationError
@@ -36,7 +36,7 @@ class OptionError(ValueError):
 
 @dataclass(frozen=True)
 class Cli:
-    """How an option looks on the command line, where its field does not say it.
+    """The look of an option on the command line, where its field does not say it.
 
     Attributes:
         flags: such as `--map`; none: the field's name with dashes.
@@ -44,7 +44,7 @@ class Cli:
         argument: it is given by its place and not by a name.
         show_default: text that stands for the default in the help.
         envvar: a name of the environment that is known to others, too.
-        known: lists the names that can be given, for the help.
+        names: lists what stands for `{names}` in the description, when a command is made.
     """
 
     flags: tuple[str, ...] = ()
@@ -52,10 +52,12 @@ class Cli:
     argument: bool = False
     show_default: str | None = None
     envvar: str | None = None
-    known: Callable[[], Iterable[str]] | None = None
+    names: Callable[[], Iterable[str]] | None = None
 
 
 CONFIG: Final = "config"
+
+_M = TypeVar("_M", bound=BaseModel)
 
 
 def takes(*models: type[BaseModel], config: bool = True) -> Callable[..., Callable[..., None]]:
@@ -95,7 +97,7 @@ def parameters(model: type[BaseModel]) -> list[inspect.Parameter]:
     return [_parameter(name, field) for name, field in model.model_fields.items()]
 
 
-def from_strings(model: type[BaseModel], pairs: Iterable[tuple[str, str]]) -> BaseModel:
+def from_strings(model: type[_M], pairs: Iterable[tuple[str, str]]) -> _M:
     """Make a model from names and values as text, as a URL has them.
 
     Raises:
@@ -113,15 +115,21 @@ def from_strings(model: type[BaseModel], pairs: Iterable[tuple[str, str]]) -> Ba
     return _made(model, values)
 
 
-def to_strings(options: BaseModel) -> list[tuple[str, str]]:
-    """Return what differs from the defaults, as names and values of a URL."""
+def to_strings(options: BaseModel, *, defaults: bool = False) -> list[tuple[str, str]]:
+    """Return options as names and values of a URL.
+
+    Args:
+        options: the model.
+        defaults: whether to name those that have their default, too; what is None never is.
+    """
     pairs = []
-    for name in type(options).model_fields:
+    for name, field in type(options).model_fields.items():
         value = getattr(options, name)
-        if value == type(options).model_fields[name].get_default(call_default_factory=True):
+        default = field.get_default(call_default_factory=True)
+        if value is None or (value == default and not defaults):
             continue
         values = value if isinstance(value, list | tuple) else [value]
-        pairs += [(name.replace("_", "-"), str(each)) for each in values]
+        pairs += [(_outside(name), str(each)) for each in values]
     return pairs
 
 
@@ -153,12 +161,12 @@ def read_config(path: Path, names: Mapping[str, str]) -> dict[str, Any]:
     return values
 
 
-def _made(model: type[BaseModel], values: dict[str, Any]) -> BaseModel:
+def _made(model: type[_M], values: dict[str, Any]) -> _M:
     own = {name: values.pop(name) for name in model.model_fields if name in values}
     try:
         return model.model_validate(own)
     except ValidationError as error:
-        raise OptionError(problems(error)) from None
+        raise OptionError(problems(error, _outside)) from None
 
 
 def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
@@ -174,8 +182,11 @@ def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     if _is_list(kind):
         (item, *_) = get_args(kind)
         kind, default = list[item], list(default)  # type: ignore[valid-type]
+    text = field.description
+    if text and cli.names:
+        text = text.replace("{names}", ", ".join(cli.names()))
     given: dict[str, Any] = {
-        "help": _help(field.description, cli),
+        "help": text,
         "metavar": cli.metavar,
         "envvar": cli.envvar,
         "show_envvar": cli.envvar is not None,
@@ -191,12 +202,6 @@ def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
     )
 
 
-def _help(description: str | None, cli: Cli) -> str | None:
-    if cli.known is None:
-        return description
-    return f"{description or ''} There are {', '.join(cli.known())}.".strip()
-
-
 def _is_list(kind: Any) -> bool:
     return get_origin(kind) in (list, tuple)
 
@@ -207,6 +212,11 @@ def _is_argument(parameter: inspect.Parameter) -> bool:
     )
 
 
+def _outside(name: object) -> str:
+    """Return what a field is called on command lines, in files and in URLs."""
+    return str(name).replace("_", "-")
+
+
 def _field_of(model: type[BaseModel], name: str) -> str:
     field = name.replace("-", "_")
     if field not in model.model_fields:
@@ -215,7 +225,7 @@ def _field_of(model: type[BaseModel], name: str) -> str:
 
 
 def _unknown(name: str, names: Sequence[str]) -> str:
-    shown = [each.replace("_", "-") for each in names]
+    shown = list(map(_outside, names))
     close = get_close_matches(name, shown, 1)
     hint = f"did you mean {close[0]}? " if close else ""
     return f"unknown option {printable(name, 80)!r}; {hint}there are {', '.join(shown)}"

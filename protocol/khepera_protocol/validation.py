@@ -1,5 +1,6 @@
-"""What is wrong with values from outside, in one line that a terminal can show."""
+"""Faults of values from outside, in one line that a terminal can show."""
 
+from collections.abc import Callable
 from typing import Final
 
 from pydantic import ValidationError
@@ -11,15 +12,25 @@ _MOST: Final = 3
 """Faults that are told; with more of them, how many more there are."""
 
 
-def first_fault(error: ValidationError) -> str:
-    """Return the first thing that is wrong: the place and the reason."""
-    return _told(_faults(error)[0])
+def first_fault(error: ValidationError, whole: str = "") -> str:
+    """Return the first thing that is wrong: the place and the reason.
+
+    Args:
+        error: of pydantic.
+        whole: the place's name where all of it is wrong.
+    """
+    return _told(_faults(error)[0], whole=whole)
 
 
-def problems(error: ValidationError) -> str:
-    """Return everything that is wrong, at most three things one by one."""
+def problems(error: ValidationError, name: Callable[[object], str] = str) -> str:
+    """Return everything that is wrong, at most three things one by one.
+
+    Args:
+        error: of a model.
+        name: says what a field of the model is called outside.
+    """
     faults = _faults(error)
-    said = "; ".join(map(_told, faults[:_MOST]))
+    said = "; ".join(_told(fault, name) for fault in faults[:_MOST])
     more = len(faults) - _MOST
     return f"{said}; and {more} more" if more > 0 else said
 
@@ -28,8 +39,8 @@ def _faults(error: ValidationError) -> list[ErrorDetails]:
     return error.errors(include_url=False, include_context=False)
 
 
-def _told(fault: ErrorDetails) -> str:
-    place = printable(".".join(map(str, fault["loc"])), 100)
+def _told(fault: ErrorDetails, name: Callable[[object], str] = str, whole: str = "") -> str:
+    place = printable(".".join(map(name, fault["loc"])), 100) or whole
     reason = fault["msg"].removeprefix("Value error, ")
     if reason.startswith("Input "):
         given = fault["input"]

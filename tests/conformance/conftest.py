@@ -21,7 +21,7 @@ from emulator_process import emulator
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.app.daemon import Daemon
 from khepera_emulator.arenas.arena import load_arena
-from khepera_emulator.clock import Clock
+from khepera_emulator.line.clock import Clock
 from khepera_emulator.models import find_model
 from khepera_emulator.ports.rfc2217 import Rfc2217Port
 from khepera_emulator.ports.tcp import TcpPort
@@ -60,7 +60,7 @@ class Client:
         return self.line()
 
     def silence(self, seconds=0.05):
-        """What comes without being waited for."""
+        """Return what comes without being waited for."""
         self.port.timeout = seconds
         try:
             return self.read(1000)
@@ -69,7 +69,7 @@ class Client:
 
 
 class Place:
-    """Where a robot is.
+    """The place of a robot.
 
     Attributes:
         kind: pty, socket, rfc2217, khepera (in-process) or hardware.
@@ -152,7 +152,8 @@ def served(kind, model):
     make = TcpPort if kind == "socket" else Rfc2217Port
     port = make("127.0.0.1:0")
     emulator = Emulator(Setup(load_arena("corridor"), model=find_model(model), baud=None))
-    daemon = Daemon(emulator, port, Clock(), follow_rate=False)
+    daemon = Daemon(emulator, Clock())
+    daemon.add(emulator, port, follow_rate=False)
     thread = threading.Thread(target=daemon.run)
     thread.start()
     try:

@@ -1,4 +1,4 @@
-"""What every robot does on every port, to the byte, whatever its clients are used to."""
+"""The behaviour of every robot on every port, to the byte, whatever its clients are used to."""
 
 import os
 import re

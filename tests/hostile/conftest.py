@@ -27,7 +27,7 @@ LONGER = 40
 
 
 class Hostile:
-    """How many inputs to try, and how many were tried."""
+    """The number of inputs to try, and of those that were tried."""
 
     def __init__(self):
         self.long = os.environ.get("HOSTILE_LONG") == "1"

@@ -42,7 +42,7 @@ NASTY = [
     b"\0",
     b"\r",
 ]
-"""What is put into a file, or in the place of something in it."""
+"""Text that is put into a file, or in the place of something in it."""
 
 SUITS_ALL = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 

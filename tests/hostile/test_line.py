@@ -12,6 +12,7 @@ import struct
 import sys
 import termios
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import pytest
 import serial
@@ -21,10 +22,10 @@ from serial import rfc2217
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.app import daemon
-from khepera_emulator.app.cli import commands
 from khepera_emulator.app.cli.program import run
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.faults import KINDS, Fault, parse_fault, script_specs
+from khepera_emulator.line.fault import FAULTS, Fault
+from khepera_emulator.line.fault_text import parse_fault, read_script, script_specs
 from khepera_emulator.ports import tcp
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort
@@ -59,7 +60,7 @@ class TestFaults:
     values = numbers | st.text(max_size=20)
     specs = st.builds(
         lambda kind, pairs: f"{kind}:{','.join(f'{key}={value}' for key, value in pairs)}",
-        st.sampled_from([*KINDS, "", "cake"]),
+        st.sampled_from([*FAULTS.names(), "", "cake"]),
         st.lists(st.tuples(keys, values), max_size=5),
     )
 
@@ -92,7 +93,7 @@ class TestFaults:
             hostile.count("fault scripts")
             file.write_bytes(data)
             try:
-                specs = commands._scripted(file)
+                specs = read_script(file)
             except EmulatorError as error:
                 check_sentence(error)
                 return
@@ -115,14 +116,14 @@ class TestFaults:
         file = tmp_path / "script"
         file.write_bytes(data)
         with pytest.raises(EmulatorError) as refused:
-            commands._scripted(file)
+            read_script(file)
         check_sentence(refused.value)
 
     @pytest.mark.parametrize("path", [*PATHS, "/dev/zero", "/proc/self/mem"])
     def test_scripts_that_are_none_are_refused(self, hostile, path):
         hostile.count("fault scripts")
         with pytest.raises(EmulatorError) as refused:
-            commands._scripted(commands.Path(path))
+            read_script(Path(path))
         check_sentence(refused.value)
 
 
@@ -334,7 +335,7 @@ def connected(port):
 
 
 class TestConnections:
-    """What clients of TCP and RFC 2217 send, and how they leave."""
+    """Data that clients of TCP and RFC 2217 send, and how they leave."""
 
     sent = st.lists(
         st.one_of(
@@ -420,11 +421,11 @@ ACTS = {
     "told": lambda port, _: port.write(b"n,1\r\n\x13\x03\x04"),
     "look": lambda port, _: port.receive(256),
 }
-"""What a client does, and what happens meanwhile."""
+"""Actions of a client, and events meanwhile."""
 
 
 class TestTerminals:
-    """What clients do to a pseudo-terminal, and leave behind."""
+    """Actions of clients on a pseudo-terminal, and what they leave behind."""
 
     def test_do_not_keep_the_line_from_the_next(self, hostile, tmp_path):
         acts = st.sampled_from(list(ACTS)) | st.binary(max_size=20)

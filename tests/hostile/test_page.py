@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 
 pytest.importorskip("nicegui")
 
+from khepera_protocol.zenoh.controller_payloads import Learned
+from khepera_protocol.zenoh.keys import KEYS
+
 from macor_hil.monitor.dashboard.guard import NAMES, is_ours
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.keys import KEYS
-from macor_hil.telemetry.schemas import Learned
 from macor_hil.telemetry.session import open_session
 
 SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport="

@@ -9,20 +9,20 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
-from khepera_protocol.zenoh.payloads import MOST_JSON, PayloadError, Stamp
+from khepera_protocol.zenoh.controller_payloads import Decision, Learned
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, KEYS, PAYLOADS
+from khepera_protocol.zenoh.payload_model import MOST_JSON, PayloadError
+from khepera_protocol.zenoh.payloads import Stamp
 from khepera_protocol.zenoh.schema import schema_of
 from rich.console import Console
 from watching_helpers import BEGIN, a_picture
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts
-from macor_hil.monitor.robot_state import Watched
+from macor_hil.monitor.robot_state import RobotState
 from macor_hil.monitor.terminal_view import render
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival, Presence
-from macor_hil.telemetry.keys import KEYS, PAYLOADS
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
-from macor_hil.telemetry.schemas import Decision, Learned
 
 MODELS = sorted(EXAMPLES, key=lambda model: model.__name__)
 JSON_KEYS = sorted(PAYLOADS)
@@ -262,7 +262,7 @@ def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(hostile, tmp_path):
     @settings(max_examples=hostile.examples(30))
     @given(moments)
     def shown(samples):
-        watched = Watched("khepera")
+        watched = RobotState("khepera")
         events = [Presence(EMULATOR, True, BEGIN), Presence(CONTROLLER, True, BEGIN)]
         events += [arrival(key, written(value)) for key, value in samples]
         hostile.count("payloads", len(samples))
@@ -288,7 +288,7 @@ def test_whatever_comes_on_any_key_ends_nobody(hostile, tmp_path):
     @settings(max_examples=hostile.examples(30))
     @given(st.lists(st.sampled_from(keys).flatmap(of), min_size=1, max_size=4))
     def survived(samples):
-        watched = Watched("khepera")
+        watched = RobotState("khepera")
         hostile.count("payloads", len(samples))
         with Recorder(tmp_path / "x.mcap", "khepera") as recorder:
             for key, data in samples:

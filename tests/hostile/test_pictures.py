@@ -17,8 +17,8 @@ from macor_hil.hardware.cameras.decoding import MAX_BYTES, decode_picture, read_
 from macor_hil.hardware.cameras.files import ImagesCamera
 from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.monitor.dashboard import eyes
-from macor_hil.monitor.robot_state import Watched
-from macor_hil.ros2.bridge import Bridge
+from macor_hil.monitor.robot_state import RobotState
+from macor_hil.telemetry.ros2.bridge import Bridge
 from macor_hil.telemetry.session import open_session
 
 
@@ -100,7 +100,7 @@ CHANNELS = [
 
 
 def taken(data, says=""):
-    """Whether a picture is taken; it may only be refused by its name."""
+    """Return whether a picture is taken; it may only be refused by its name."""
     try:
         image = decode_picture(data, "no picture")
     except WrongPictureError as refused:
@@ -213,7 +213,7 @@ def test_what_is_no_file_is_refused(tmp_path, hostile):
 
 def test_the_dashboard_neither_draws_nor_passes_on_what_is_no_picture(hostile):
     for data in (*BOMBS.values(), *(whole[:-3] for whole in WHOLE.values())):
-        watched = Watched("khepera")
+        watched = RobotState("khepera")
         watched.see(data, 1.0)
         for drawing in (eyes.panorama, eyes.mirror):
             if drawing is eyes.mirror and data == BOMBS["PNG with half its rows"]:

@@ -20,8 +20,8 @@ from khepera_protocol.zenoh.payloads import Truth
 from khepera_emulator.app.side_channel import SideChannel
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.robot import emulator as emulator_module
 from khepera_emulator.robot.emulator import Emulator, Setup
-from khepera_emulator.robot.robot import emulator as emulator_module
 
 LEAVES = [key.leaf for key in EMULATOR_KEYS if key.leaf != "alive"]
 
@@ -110,7 +110,7 @@ def test_a_sample_that_fails_is_told_once_and_the_others_go_on(bench, monkeypatc
         pictures = bench.session.declare_subscriber("khepera/khepera/camera")
         for _ in range(3):
             for stream in bench.channel._streams[:2]:
-                while not stream._publisher.matching_status.matching:
+                while not stream._publisher.heard:
                     pass
                 stream.next = 0.0
             bench.channel.serve(bench.emulator)

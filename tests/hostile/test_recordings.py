@@ -93,13 +93,13 @@ def assert_one_sentence(error, path):
 
 
 def is_part(some, whole):
-    """Whether all of some are in the whole, in this order."""
+    """Return whether all of some are in the whole, in this order."""
     rest = iter(whole)
     return all(event in rest for event in some)
 
 
 def safe_counts(data):
-    """Where each chunk ends, with how many events there are up to there."""
+    """Yield the end of each chunk, with how many events there are up to there."""
     messages = read_messages(file := io.BytesIO(data))
     ends = {0: 0}
     count = 0

@@ -66,7 +66,7 @@ def whole(tmp_path_factory):
 
 @st.composite
 def damages(draw, length):
-    """Where and how a log is damaged: places, how many bytes go, what comes instead."""
+    """Damage of a log: places, how many bytes go, what comes instead."""
     places = st.tuples(st.integers(0, length), st.integers(0, 40))
     new = st.sampled_from(NASTY) | st.binary(max_size=8)
     return draw(st.lists(st.tuples(places, new), min_size=1, max_size=3)), draw(st.booleans())

@@ -4,10 +4,11 @@ import sys
 from contextlib import suppress
 from typing import Final
 
+from khepera_protocol.options import OptionError
 from khepera_protocol.text import printable
 
 from khepera_emulator.app.cli.commands import app
-from khepera_emulator.app.cli.ending import Ending
+from khepera_emulator.app.ending import Ending
 from khepera_emulator.errors import EmulatorError
 
 _FAILED: Final = 2
@@ -22,7 +23,7 @@ def run() -> int:
             status = 0
         except SystemExit as ended:
             status = int(ended.code or 0)
-        except EmulatorError as error:
+        except (EmulatorError, OptionError) as error:
             _say(printable(str(error), _LONGEST_SENTENCE))
             return _FAILED
         except KeyboardInterrupt:

@@ -23,7 +23,7 @@ from macor_hil.runs.trials import MAX_COMMANDS, Spread, Trial, run_trial
 
 
 class System(NamedTuple):
-    """What has been learned, and how commands are chosen by it."""
+    """A brain and a planner that chooses commands by it."""
 
     brain: Brain
     planner: Planner
@@ -57,7 +57,7 @@ class Course:
     """Trials: where they start and when they end (section 3.2)."""
 
     arena: str = "corridor"
-    """Where they are driven."""
+    """The arena of the trials."""
     trials: int = 10
     """Trials of each system; all systems start from the same places."""
     commands: int = MAX_COMMANDS
@@ -72,7 +72,7 @@ class Course:
     """Starts are free places anywhere in the arena instead."""
 
     def spread(self) -> Spread:
-        """How starts differ, in metres and radians."""
+        """Return the spread of starts, in metres and radians."""
         return Spread(self.ahead, self.aside, radians(self.heading))
 
 
@@ -85,7 +85,7 @@ class Track:
         self._bench = bench
 
     def outline(self) -> Outline:
-        """The arena, to draw."""
+        """Return the arena, to draw."""
         return self._bench.outline()
 
     def drive(self, system: System, seed: int) -> list[Trial]:
@@ -110,7 +110,7 @@ class Track:
 
 @contextmanager
 def on_course(course: Course, seed: int, drift: str = "default") -> Iterator[Track]:
-    """The emulated robot of a seed on a course.
+    """Yield the emulated robot of a seed on a course.
 
     Raises:
         RobotError, CameraError, BenchError: the emulator cannot be used.
@@ -122,7 +122,7 @@ def on_course(course: Course, seed: int, drift: str = "default") -> Iterator[Tra
 
 
 def trial_as_json(trial: Trial) -> dict[str, Any]:
-    """A trial as it is kept in results; places to 0.1 mm and headings to 0.0001 rad."""
+    """Return a trial as it is kept in results; places to 0.1 mm and headings to 0.0001 rad."""
     path = [[round(v, 4) for v in (p.x, p.y, p.heading)] for p in trial.path]
     return {
         "r": list(trial.reinforcement),
@@ -133,6 +133,6 @@ def trial_as_json(trial: Trial) -> dict[str, Any]:
 
 
 def trial_from_json(value: dict[str, Any]) -> Trial:
-    """The trial of a result."""
+    """Return the trial of a result."""
     path = tuple(Pose(x=x, y=y, heading=heading) for x, y, heading in value["path"])
     return Trial(tuple(value["r"]), value["collided"], value["touched"], path)

@@ -34,7 +34,7 @@ class Parameters:
     discount: float = 0.9
     """Of what comes a command later, `td_lambda` in artlib; 0: the next command alone counts."""
     rate: float = 1.0
-    """How far a value moves to what was experienced, `td_alpha`."""
+    """The share by which a value moves to what was experienced, `td_alpha`."""
     alpha: float = 0.001
     """Choice parameter of Fuzzy ART; learning is fast (beta 1), as in the paper's."""
 
@@ -46,7 +46,7 @@ class Parameters:
 
 
 class Network(Protocol):
-    """What is used of artlib's TD_FALCON; channels are shaped (T, 2 M), (T, 2 m) and (T, 2)."""
+    """The used part of artlib's TD_FALCON; channels are shaped (T, 2 M), (T, 2 m) and (T, 2)."""
 
     fusion_art: Any
 
@@ -59,7 +59,7 @@ class Network(Protocol):
         ...
 
     def get_actions_and_rewards(self, state: Array, action_space: Array) -> tuple[Array, Array]:
-        """What each action is worth at a complement-coded state."""
+        """Return the value of each action at a complement-coded state."""
         ...
 
 
@@ -79,7 +79,7 @@ class Falcon:
 
     @classmethod
     def of(cls, parameters: Parameters, features: int) -> Self:
-        """An untaught one, for inputs of shape (features,).
+        """Return an untaught one, for inputs of shape (features,).
 
         Raises:
             ImportError: artlib is not installed.

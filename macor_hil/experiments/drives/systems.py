@@ -41,7 +41,7 @@ SYSTEMS: Final = tuple(_PLANNERS)
 
 @dataclass(frozen=True)
 class Learning:
-    """How systems learn, with the values of section 3.2."""
+    """Settings of learning, with the values of section 3.2."""
 
     nodes: int = 50
     """n, Fuzzy ART nodes."""
@@ -54,7 +54,7 @@ class Learning:
     competence: Competence = field(default_factory=Competence)
     """Equation 1."""
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
-    """What commands earn, not printed; from the table's means a step."""
+    """The reinforcement of commands, not printed; from the table's means a step."""
 
 
 def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:

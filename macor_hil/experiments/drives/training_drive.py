@@ -55,9 +55,9 @@ class Drive:
     """The training drive that is recorded (section 3.2)."""
 
     arena: str = "corridor"
-    """Where it is driven."""
+    """The arena of the drive."""
     drift: str = "default"
-    """How much the robots' wheels differ; each seed is another robot."""
+    """The spread of the robots' wheels; each seed is another robot."""
     tuning: int = 400
     """Commands driven first to tune the receptive fields; not recorded."""
     random: int = 13_000
@@ -72,7 +72,7 @@ class Drive:
         return f"khepera://{self.arena}?seed={seed}&drift={self.drift}"
 
     def schedule(self, seed: int) -> Schedule:
-        """What is driven for a seed."""
+        """Return the commands of a seed."""
         return Schedule(self.tuning, self.random, self.reactive, seed=seed)
 
     @property
@@ -113,18 +113,18 @@ class Recording:
         return self.brain.eyes.tuned(self.raw)
 
     def reinforcement(self, earns: Reinforcement) -> Array:
-        """What each frame's command earns, shape (T,); 0 where the robot was put down."""
+        """Return what each frame's command earns, shape (T,); 0 where the robot was put down."""
         table = np.array([[earns(motor, hit) for hit in (False, True)] for motor in COMMANDS])
         driven = self.commands != PUT_DOWN
         return np.where(driven, table[self.commands, self.collided.astype(int)], 0.0)
 
     def frames_of(self, commands: int) -> int:
-        """Number of frames up to the one after so many commands, that one included."""
+        """Return the number of frames up to the one after so many commands, that one included."""
         driven = np.cumsum(self.commands != PUT_DOWN)
         return min(int(np.searchsorted(driven, commands)) + 1, len(driven))
 
     def first(self, commands: int) -> "Recording":
-        """The beginning of the drive, so many commands long."""
+        """Return the beginning of the drive, so many commands long."""
         end = self.frames_of(commands)
         return replace(
             self,
@@ -203,7 +203,7 @@ def _arrays(seen: list[Seen]) -> dict[str, Any]:
 
 
 class _Part:
-    """What is there of a recording whose drive has not come to its end.
+    """The beginning of a recording whose drive has not come to its end.
 
     Args:
         path: where; two files with other ends are written.
@@ -271,7 +271,7 @@ class Recordings:
         self.folder = folder / self.key
 
     def has(self, seed: int) -> bool:
-        """Whether the recording of a seed is there."""
+        """Return whether the recording of a seed is there."""
         return self._frames(seed).exists()
 
     def make(self, seed: int) -> None:
@@ -283,7 +283,7 @@ class Recordings:
             part.remove()
 
     def __getitem__(self, seed: int) -> Recording:
-        """The recording of a seed, the same whether it was there or is made now."""
+        """Return the recording of a seed, the same whether it was there or is made now."""
         self.make(seed)
         try:
             return self._load(seed)

@@ -1,1 +1,1 @@
-"""The parts of a report: blocks of a page, drawings, statistics."""
+"""Parts of reports: elements of a page, drawings, statistics."""

@@ -1,4 +1,4 @@
-"""What the experiments' pictures have in common."""
+"""Drawing that the experiments' pictures share."""
 
 from collections.abc import Mapping, Sequence
 

@@ -28,7 +28,7 @@ def interquartile_mean(values: Array | Sequence[float], axis: int = -1) -> Array
 
 
 def mean(values: Array | Sequence[float], axis: int = -1) -> Array:
-    """The plain mean."""
+    """Return the plain mean."""
     plain: Array = np.mean(np.asarray(values, dtype=float), axis=axis)
     return plain
 
@@ -49,7 +49,7 @@ class Estimate:
 
 
 def estimate(values: Sequence[float], statistic: Statistic = interquartile_mean) -> Estimate:
-    """A statistic of independent samples and its percentile bootstrap interval.
+    """Return a statistic of independent samples and its percentile bootstrap interval.
 
     Samples are drawn with replacement 10,000 times, always with the same random numbers.
     """
@@ -82,7 +82,7 @@ def sign_flip_p(differences: Sequence[float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """Whether one system is better than another, paired by training seed.
+    """A test of one system against another, paired by training seed.
 
     Attributes:
         difference: mean difference with its interval.
@@ -99,7 +99,7 @@ class Order:
 
     @property
     def holds(self) -> bool:
-        """Whether the interval lies above 0 and p below 5 %."""
+        """True if the interval lies above 0 and p below 5 %."""
         return self.difference.low > 0.0 and self.p < 1 - LEVEL
 
 

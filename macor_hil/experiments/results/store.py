@@ -27,22 +27,22 @@ _log = logging.getLogger(__name__)
 _MOST_BYTES: Final = 256 * MIB
 
 Result = dict[str, Any]
-"""What came of one trial: JSON-able."""
+"""The result of one trial: JSON-able."""
 
 TOOK: Final = "took"
-"""Where a result may say what its parts took."""
+"""The entry of a result for the time that its parts took."""
 
 Results = dict[int, Result]
 """Results by seed."""
 
 
 def plain(settings: Any) -> Any:
-    """A settings dataclass as JSON-able values."""
+    """Return a settings dataclass as JSON-able values."""
     return TypeAdapter(type(settings)).dump_python(settings, mode="json")
 
 
 def key_of(settings: Any, code: str) -> str:
-    """A digest of settings and code, 12 hexadecimal digits."""
+    """Return a digest of settings and code, 12 hexadecimal digits."""
     return sha256(f"{_dump(plain(settings))} {code}".encode()).hexdigest()[:12]
 
 

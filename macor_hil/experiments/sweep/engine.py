@@ -1,4 +1,4 @@
-"""Where the work of a sweep is done: processes of this machine, or a dask cluster's workers.
+"""Engines of a sweep: processes of this machine, or the workers of a dask cluster.
 
 A cluster is what a site has already: a scheduler started by hand, on Slurm or in the
 cloud. Trials are pure functions of settings and seed, so that it does not matter who does them.

@@ -10,7 +10,7 @@ from string import Template
 from typing import Any, Final
 
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.blocks import Block, Picture, Table, Text
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.results.store import Results
 from macor_hil.mind.map_file import write_atomically
 
@@ -89,9 +89,9 @@ def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str
     )
     write_atomically(page, text.encode())
     parts = [f"# {_TITLE}", _SCOPE]
-    for experiment, blocks in told:
+    for experiment, elements in told:
         parts.append(f"## {experiment.title}")
-        parts += (_markdown(block, experiment.name) for block in blocks)
+        parts += (_markdown(element, experiment.name) for element in elements)
     parts.append(_markdown(cost, ""))
     write_atomically(folder / "report.md", "\n\n".join([*parts, ""]).encode())
     return page
@@ -105,13 +105,13 @@ def _draw(folder: Path, chapter: Chapter) -> None:
         write_atomically(folder / _file(experiment.name, name), buffer.getvalue())
 
 
-def _chapter(experiment: Experiment, blocks: Sequence[Block]) -> str:
-    body = "\n".join(_html(block, experiment.name) for block in blocks)
+def _chapter(experiment: Experiment, elements: Sequence[Element]) -> str:
+    body = "\n".join(_html(element, experiment.name) for element in elements)
     return f'<h2 id="{experiment.name}">{escape(experiment.title)}</h2>\n{body}'
 
 
-def _markdown(block: Block, experiment: str) -> str:
-    match block:
+def _markdown(element: Element, experiment: str) -> str:
+    match element:
         case Text(text):
             return text
         case Picture(name, caption):
@@ -121,8 +121,8 @@ def _markdown(block: Block, experiment: str) -> str:
             return f"{title}:\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _html(block: Block, experiment: str) -> str:
-    match block:
+def _html(element: Element, experiment: str) -> str:
+    match element:
         case Text(text):
             return f"<p>{escape(text)}</p>"
         case Picture(name, caption):

@@ -33,7 +33,7 @@ ALL: Final = -1
 _T = TypeVar("_T")
 
 COSTS: Final = "costs.jsonl"
-"""What each piece of work took; kept apart from results, which are the same on every run."""
+"""Times of each piece of work; kept apart from results, which are the same on every run."""
 
 
 def reproduce(

@@ -5,7 +5,8 @@ from typing import Final
 
 import zenoh
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import Stamp, robot_key
+from khepera_protocol.zenoh.keys import CAMERA
+from khepera_protocol.zenoh.payloads import Stamp
 from pydantic import ValidationError
 
 from macor_hil.arrays import Image
@@ -28,7 +29,7 @@ _TIMEOUT: Final = b"Timeout"
 
 def open_zenoh_camera(session: zenoh.Session, robot: str, source: str = "") -> "ZenohCamera":
     """Open the camera on a Zenoh key, or without one the emulator's camera of a robot."""
-    return ZenohCamera(session, source or robot_key(robot, "camera"))
+    return ZenohCamera(session, source or CAMERA.of(robot))
 
 
 class ZenohCamera:

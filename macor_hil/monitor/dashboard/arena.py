@@ -5,6 +5,7 @@ from math import cos, degrees, sin
 from typing import Final, NamedTuple
 
 from khepera_protocol.serial.units import BODY_RADIUS
+from khepera_protocol.zenoh.controller_payloads import Ahead, Command, Hypothesis
 from khepera_protocol.zenoh.payloads import Outline, Pose
 
 from macor_hil.monitor.dashboard.svg import (
@@ -18,8 +19,7 @@ from macor_hil.monitor.dashboard.svg import (
     points,
     rgb,
 )
-from macor_hil.monitor.robot_state import Watched
-from macor_hil.telemetry.schemas import Ahead, Command, Hypothesis
+from macor_hil.monitor.robot_state import RobotState
 
 _MOST_HYPOTHESES: Final = 12
 _MARGIN: Final = 0.02
@@ -32,8 +32,8 @@ _INSET: Final = 0.3
 Place = tuple[float, float]
 
 
-def arena(watched: Watched) -> str:
-    """The drawing: what is around the robot, and in a corner the whole arena.
+def arena(watched: RobotState) -> str:
+    """Draw the surroundings of the robot, and in a corner the whole arena.
 
     In the frame of the odometry where nobody knows the truth.
     """
@@ -62,16 +62,16 @@ def arena(watched: Watched) -> str:
     )
 
 
-def driven_path(watched: Watched) -> Sequence[Pose]:
-    """Where the robot was: the truth if someone tells it, else what its encoders say."""
+def driven_path(watched: RobotState) -> Sequence[Pose]:
+    """Return the robot's path: the true one if it is published, else that of its encoders."""
     if watched.emulated.path:
         return watched.emulated.path
     start = [Pose(x=0.0, y=0.0, heading=0.0)] if watched.controlled.history else []
     return start + [decision.odometry.pose for decision in watched.controlled.history]
 
 
-def hypothetical_ways(watched: Watched) -> list[tuple[Hypothesis, list[Place]]]:
-    """The sequences of the latest decision, and where they would lead; the best one first."""
+def hypothetical_ways(watched: RobotState) -> list[tuple[Hypothesis, list[Place]]]:
+    """Return the sequences of the latest decision and their ways, the best one first."""
     decision, learned = watched.controlled.decision, watched.controlled.learned
     if decision is None or learned is None:
         return []
@@ -90,7 +90,7 @@ def hypothetical_ways(watched: Watched) -> list[tuple[Hypothesis, list[Place]]]:
 
 
 def way_of(start: Pose, ahead: Iterable[Ahead], commands: Mapping[str, Command]) -> list[Place]:
-    """Where a sequence of commands leads from a pose: the start, and the end of each command."""
+    """Return the way of a sequence of commands: the start, and the end of each command."""
     x, y, heading = start.x, start.y, start.heading
     way = [(x, y)]
     for step in ahead:
@@ -151,7 +151,7 @@ def _robot(pose: Pose, radius: float, *, touching: bool) -> str:
     return element("g", body, nose, transform=turn, data_kind="robot")
 
 
-def _touching(watched: Watched) -> bool:
+def _touching(watched: RobotState) -> bool:
     truth, decision = watched.emulated.truth, watched.controlled.decision
     return bool((truth and truth.contact) or (decision and decision.collided))
 
@@ -209,12 +209,12 @@ def _close_up(robot: Pose, ways: list[tuple[Hypothesis, list[Place]]]) -> _Windo
 
 
 def _upright(shapes: Sequence[str]) -> str:
-    """Shapes in the arena's frame: there y goes up, in SVG down."""
+    """Wrap shapes in the arena's frame: there y goes up, in SVG down."""
     return element("g", *shapes, transform="scale(1,-1)")
 
 
 def _inset(near: _Window, whole: _Window, shapes: Sequence[str]) -> str:
-    """The whole arena in the upper left corner, with a frame around what is shown large."""
+    """Draw the whole arena in the upper left corner, with a frame around the part shown large."""
     frame = element(
         "rect",
         x=near.left,

@@ -5,6 +5,7 @@ from typing import Final
 
 from khepera_protocol.serial.commands import SENSOR_BEARINGS, SENSORS
 from khepera_protocol.serial.units import PROXIMITY_FULL
+from khepera_protocol.zenoh.controller_payloads import Decision, Learned
 
 from macor_hil.monitor.dashboard.svg import (
     BAD,
@@ -21,7 +22,6 @@ from macor_hil.monitor.dashboard.svg import (
     points,
     tip,
 )
-from macor_hil.telemetry.schemas import Decision, Learned
 
 _CELL: Final = 12.0
 _LEFT: Final = 62.0
@@ -31,7 +31,7 @@ _MOST_COLUMNS: Final = 300
 
 
 def columns(decision: Decision | None, learned: Learned | None) -> str:
-    """Activity of every neuron: a column a situation, a row a command that leads into it.
+    """Draw the activity of every neuron: a column a situation, a row a command that leads into it.
 
     The ring marks the present neuron, the numbers the best sequence in its order.
     """
@@ -107,7 +107,7 @@ def columns(decision: Decision | None, learned: Learned | None) -> str:
 
 
 def alternatives(decision: Decision | None) -> str:
-    """What each command is worth; the one that was driven is marked."""
+    """Draw the evaluation of each command; the one that was driven is marked."""
     if decision is None:
         return drawing(320, 60, title="no decision yet")
     values = [a.evaluation for a in decision.alternatives if a.evaluation is not None]
@@ -143,7 +143,7 @@ def alternatives(decision: Decision | None) -> str:
 
 
 def reinforcement(history: list[Decision]) -> str:
-    """What the latest commands earned, a bar each; red marks a collision."""
+    """Draw the reinforcement of the latest commands, a bar each; red marks a collision."""
     shown = history[-_MOST_BARS:]
     top = max([decision.reinforcement for decision in shown] + [0.7])
     shapes = [
@@ -182,7 +182,7 @@ def reinforcement(history: list[Decision]) -> str:
 
 
 def infrared(readings: list[int] | None) -> str:
-    """The eight sensors around the robot, a wedge as long as the reading; ahead is up."""
+    """Draw the eight sensors around the robot, a wedge as long as the reading; ahead is up."""
     centre, radius, reach = 100.0, 34.0, 52.0
     shapes = [
         element(

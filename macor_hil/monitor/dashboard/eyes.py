@@ -1,4 +1,4 @@
-"""What the robot sees: mirror image and panorama, with the receptive fields drawn in."""
+"""The robot's view: mirror image and panorama, with the receptive fields drawn in."""
 
 import base64
 from functools import lru_cache
@@ -7,14 +7,14 @@ from typing import Final
 
 import cv2
 from khepera_protocol.mirror import Mirror
+from khepera_protocol.zenoh.controller_payloads import Eye, Fields
 
 from macor_hil.arrays import Image
 from macor_hil.errors import CameraError
 from macor_hil.hardware.cameras.decoding import check_picture, decode_picture
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.monitor.dashboard.svg import BEST, FAINT, drawing, element, heat, label, points, tip
-from macor_hil.monitor.robot_state import Watched
-from macor_hil.telemetry.schemas import Eye, Fields
+from macor_hil.monitor.robot_state import RobotState
 
 _SIZE: Final = PanoramaSize(columns=360, rows=80)
 _FIELD_ROWS: Final = 46
@@ -27,8 +27,8 @@ _MARGIN: Final = 22
 """Room for names at the left."""
 
 
-def mirror(watched: Watched) -> str:
-    """The mirror image, straight ahead up, with the borders of the receptive fields."""
+def mirror(watched: RobotState) -> str:
+    """Draw the mirror image, straight ahead up, with the borders of the receptive fields."""
     learned = watched.controlled.learned
     eye = _mirror_of(learned.eye if learned else None)
     shapes = [_picture(watched.frame, eye.width, eye.height)] if _is_picture(watched.frame) else []
@@ -59,8 +59,8 @@ def mirror(watched: Watched) -> str:
     return drawing(eye.width, eye.height, *shapes, title=title)
 
 
-def panorama(watched: Watched) -> str:
-    """The unwrapped image, the fields' profiles over it, what they see of each channel below."""
+def panorama(watched: RobotState) -> str:
+    """Draw the unwrapped image, the fields' profiles over it, and their features below."""
     learned, decision = watched.controlled.learned, watched.controlled.decision
     columns, rows = _SIZE.columns, _SIZE.rows
     shapes = []
@@ -145,7 +145,7 @@ def _seen(fields: Fields, features: list[float], top: float) -> list[str]:
 
 
 def _is_picture(frame: bytes) -> bool:
-    """Whether a browser may be given a frame, which it decodes whatever its size."""
+    """Return whether a browser may be given a frame, which it decodes whatever its size."""
     try:
         check_picture(frame, _COMPLAINT)
     except CameraError:

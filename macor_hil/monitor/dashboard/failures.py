@@ -1,4 +1,4 @@
-"""What goes wrong in the page itself: heard of in the page, and logged once."""
+"""Failures of the page itself: shown in the page, and logged once."""
 
 import logging
 

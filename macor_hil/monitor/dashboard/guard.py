@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any, Final
 
 NAMES: Final = frozenset({"127.0.0.1", "localhost", "[::1]"})
-"""What this machine calls itself."""
+"""Names of this machine for itself."""
 
 _REFUSED: Final = (
     b"The dashboard is for browsers on this machine: open http://127.0.0.1 and its port.\n"

@@ -1,4 +1,4 @@
-"""The page: cards with drawings that follow what is known."""
+"""The page: cards with drawings that follow the state of the robot."""
 
 from contextlib import AbstractContextManager
 from html import escape
@@ -9,7 +9,7 @@ from nicegui.events import KeyEventArguments
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts
 from macor_hil.monitor.dashboard.failures import Failures
-from macor_hil.monitor.dashboard.sources import Player, Source
+from macor_hil.monitor.dashboard.sources import RecordingSource, Source
 from macor_hil.monitor.dashboard.ticks import again_and_again
 
 _PERIOD: Final = 0.1
@@ -103,10 +103,10 @@ class Page:
             ui.space()
             self._hold = ui.button("Pause", on_click=self._toggle).props("outline dense no-caps")
             self._hold.tooltip("space")
-        if isinstance(self._source, Player):
+        if isinstance(self._source, RecordingSource):
             self._scrubber(self._source)
 
-    def _scrubber(self, player: Player) -> None:
+    def _scrubber(self, player: RecordingSource) -> None:
         with ui.row().classes("full-width items-center no-wrap"):
             self._slider = (
                 ui.slider(min=0.0, max=player.duration, step=0.01, value=0.0)
@@ -129,7 +129,7 @@ class Page:
 
     def _tick(self) -> None:
         self._trouble.text = self._failures.words()
-        if isinstance(self._source, Player):
+        if isinstance(self._source, RecordingSource):
             self._source.poll()
         if not self._held:
             self._draw()
@@ -162,13 +162,13 @@ class Page:
         gone = texts.gone(watched)
         for name, card in self._cards.items():
             card.classes(add="gone" if name in gone else "", remove="" if name in gone else "gone")
-        if isinstance(source, Player):
+        if isinstance(source, RecordingSource):
             self._slider.value = source.position
             self._moment.text = f"{source.position:.1f} / {source.duration:.1f} s"
             self._hold.text = "Pause" if source.playing else "Play"
 
     def _toggle(self) -> None:
-        if isinstance(self._source, Player):
+        if isinstance(self._source, RecordingSource):
             self._source.toggle()
         else:
             self._held = not self._held
@@ -179,14 +179,14 @@ class Page:
             return
         if event.key == " " and not event.action.repeat:
             self._toggle()
-        elif isinstance(self._source, Player):
+        elif isinstance(self._source, RecordingSource):
             leaps = {"ArrowLeft": -1.0, "ArrowRight": 1.0, "Home": -1e9, "End": 1e9}
             leap = leaps.get(event.key.name)
             if leap is not None:
                 self._source.seek(self._source.position + leap)
 
 
-def _seek(player: Player, wanted: object) -> None:
+def _seek(player: RecordingSource, wanted: object) -> None:
     """Go where the slider is; it is of the browser's making."""
     if isinstance(wanted, int | float):
         player.seek(float(wanted))

@@ -1,4 +1,4 @@
-"""Where the dashboard's picture comes from: a live robot, or a recording to scrub through."""
+"""Sources of what the dashboard shows: a live robot, or a recording to scrub through."""
 
 import time
 from bisect import bisect_right
@@ -7,8 +7,8 @@ from copy import deepcopy
 from math import isnan
 from typing import Final, Protocol
 
-from macor_hil.monitor.follower import Watcher
-from macor_hil.monitor.robot_state import Watched
+from macor_hil.monitor.follower import Follower
+from macor_hil.monitor.robot_state import RobotState
 from macor_hil.telemetry.feed import Event
 from macor_hil.telemetry.recordings.playing_times import in_playing_time
 
@@ -22,11 +22,11 @@ _BUSY: Final = 0.05
 
 
 class Source(Protocol):
-    """Something to be shown."""
+    """A source of what is shown."""
 
     @property
-    def watched(self) -> Watched:
-        """What is known now."""
+    def watched(self) -> RobotState:
+        """The robot as it is known now."""
         ...
 
     @property
@@ -39,28 +39,28 @@ class Source(Protocol):
         ...
 
 
-class Live:
-    """What a watcher hears."""
+class LiveSource:
+    """A live robot, as a follower knows it."""
 
-    def __init__(self, watcher: Watcher) -> None:
-        self._watcher = watcher
+    def __init__(self, follower: Follower) -> None:
+        self._follower = follower
 
     @property
-    def watched(self) -> Watched:
-        """What is known now."""
-        return self._watcher.watched
+    def watched(self) -> RobotState:
+        """The robot as it is known now."""
+        return self._follower.watched
 
     @property
     def now(self) -> float:
         """The clock of the arrivals."""
-        return self._watcher.now
+        return self._follower.now
 
     def poll(self) -> None:
         """Take in what has come."""
-        self._watcher.drain(_BUSY)
+        self._follower.drain(_BUSY)
 
 
-class Player:
+class RecordingSource:
     """A recording, at any of its moments.
 
     Seeking is bounded: a poll takes in so many events at most, and goes on in the next one; what
@@ -84,7 +84,7 @@ class Player:
         events: Sequence[Event],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.watched = Watched(robot)
+        self.watched = RobotState(robot)
         self.playing = True
         self.speed = 1.0
         self._events = list(in_playing_time(events))
@@ -95,7 +95,7 @@ class Player:
         self._polled = clock()
         self._position = 0.0
         self._taken = 0
-        self._known = {0: Watched(robot)}
+        self._known = {0: RobotState(robot)}
         self.seek(0.0)
 
     @property

@@ -19,7 +19,7 @@ BAD: Final = "#ff6b6b"
 
 
 def element(name: str, *children: str, **attributes: object) -> str:
-    """An element; underscores in names of attributes stand for hyphens, None leaves one out."""
+    """Return an element; underscores in attributes stand for hyphens, None leaves one out."""
     text = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{_value(value)}"'
         for key, value in attributes.items()
@@ -29,7 +29,7 @@ def element(name: str, *children: str, **attributes: object) -> str:
 
 
 def drawing(width: float, height: float, *children: str, title: str, **attributes: object) -> str:
-    """A whole drawing, which fills the width that it gets.
+    """Return a whole drawing, which fills the width that it gets.
 
     Args:
         width: of its view, in units of its own.
@@ -51,14 +51,14 @@ def drawing(width: float, height: float, *children: str, title: str, **attribute
 
 
 def label(x: float, y: float, text: str, *children: str, **attributes: object) -> str:
-    """A text, and elements in it; a size and a colour of its own if none is given."""
+    """Return a text and the elements in it; size and colour have defaults."""
     attributes.setdefault("font_size", 11)
     attributes.setdefault("fill", FAINT)
     return element("text", _clean(text), *children, x=x, y=y, font_family="inherit", **attributes)
 
 
 def tip(text: str) -> str:
-    """A title of the element around it, shown when pointed at."""
+    """Return a title of the element around it, shown when pointed at."""
     return element("title", _clean(text))
 
 
@@ -68,17 +68,17 @@ def _clean(text: str) -> str:
 
 
 def points(places: Iterable[tuple[float, float]]) -> str:
-    """The `points` of a polyline or polygon."""
+    """Return the `points` of a polyline or polygon."""
     return " ".join(f"{x:.5g},{y:.5g}" for x, y in places)
 
 
 def rgb(colour: tuple[float, float, float]) -> str:
-    """A colour of shares from 0 to 1."""
+    """Return a colour of shares from 0 to 1."""
     return _hexadecimal(255 * min(max(share, 0.0), 1.0) for share in colour)
 
 
 def heat(share: float) -> str:
-    """A colour from dark blue at 0 to bright yellow at 1."""
+    """Return a colour from dark blue at 0 to bright yellow at 1."""
     t = min(max(share, 0.0), 1.0) * (len(_HEAT) - 1)
     low = min(int(t), len(_HEAT) - 2)
     mixed = (a + (t - low) * (b - a) for a, b in zip(_HEAT[low], _HEAT[low + 1], strict=True))

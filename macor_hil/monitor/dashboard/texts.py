@@ -1,4 +1,4 @@
-"""What the dashboard says in words; names and reasons come from elsewhere and stay plain text.
+"""Texts of the dashboard; names and reasons come from elsewhere and stay plain text.
 
 They are cleaned as for a terminal: what turns a text around or hides in it is shown as what it is.
 """
@@ -6,9 +6,9 @@ They are cleaned as for a terminal: what turns a text around or hides in it is s
 from typing import Final
 
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import Phase
 
-from macor_hil.monitor.robot_state import Arrivals, Watched
-from macor_hil.telemetry.schemas import Phase
+from macor_hil.monitor.robot_state import Arrivals, RobotState
 
 _LINES: Final = 12
 _LONGEST: Final = 200
@@ -20,8 +20,8 @@ _OF_EMULATOR: Final = frozenset({"line"})
 """Cards, by whose they are."""
 
 
-def status(watched: Watched, now: float) -> tuple[str, str]:
-    """What is going on, and a colour for it."""
+def status(watched: RobotState, now: float) -> tuple[str, str]:
+    """Return the state of robot and controller in words, and a colour for it."""
     seen = watched.controlled
     if not seen.alive:
         if not watched.emulated.alive:
@@ -38,7 +38,7 @@ def status(watched: Watched, now: float) -> tuple[str, str]:
     return printable(text, _LONGEST), colours.get(state.phase, "amber")
 
 
-def gone(watched: Watched) -> frozenset[str]:
+def gone(watched: RobotState) -> frozenset[str]:
     """Return the cards that show what was, because whoever told it is not there."""
     there = watched.controlled.alive, watched.emulated.alive
     of_controller = frozenset() if there[0] else _OF_CONTROLLER
@@ -46,8 +46,8 @@ def gone(watched: Watched) -> frozenset[str]:
     return of_controller | of_emulator | (frozenset() if any(there) else _OF_EITHER)
 
 
-def equipment(watched: Watched) -> str:
-    """Who drives what."""
+def equipment(watched: RobotState) -> str:
+    """Return planner, port, camera and map of the controller."""
     state = watched.controlled.state
     if state is None:
         return ""
@@ -55,8 +55,8 @@ def equipment(watched: Watched) -> str:
     return " · ".join(printable(part, _LONGEST) for part in parts)
 
 
-def situation(watched: Watched) -> str:
-    """What the robot takes its view for."""
+def situation(watched: RobotState) -> str:
+    """Return the situation of the latest decision."""
     decision = watched.controlled.decision
     if decision is None:
         return "no decision yet"
@@ -69,16 +69,16 @@ def situation(watched: Watched) -> str:
     )
 
 
-def totals(watched: Watched) -> str:
-    """What was earned."""
+def totals(watched: RobotState) -> str:
+    """Return the reinforcement of the last command and of the run."""
     decision = watched.controlled.decision
     if decision is None:
         return ""
     return f"last {decision.reinforcement:.2f} · total {decision.total_reinforcement:.2f}"
 
 
-def health(watched: Watched, now: float) -> list[tuple[str, str]]:
-    """Names and values of what tells how line, camera and telemetry do."""
+def health(watched: RobotState, now: float) -> list[tuple[str, str]]:
+    """Return names and values that show the health of line, camera and telemetry."""
     seen, truth, link = watched.controlled, watched.emulated.truth, watched.controlled.link
     there = watched.emulated.alive
     rows = [
@@ -105,8 +105,8 @@ def health(watched: Watched, now: float) -> list[tuple[str, str]]:
     return rows
 
 
-def wire(watched: Watched) -> str:
-    """The latest lines that passed on the serial line."""
+def wire(watched: RobotState) -> str:
+    """Return the latest lines that passed on the serial line."""
     lines: list[tuple[str, str]] = []
     for entry in watched.emulated.wire:
         if lines and lines[-1][0] == entry.what and not lines[-1][1].endswith("\n"):

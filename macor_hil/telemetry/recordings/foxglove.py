@@ -1,4 +1,4 @@
-"""What Foxglove draws by itself, made from what was told of a robot: its well-known messages.
+"""Messages that Foxglove draws by itself, made from a robot's events.
 
 Frames: `arena` is the arena's, `odometry` begins where a run does, `robot` goes with the robot.
 """
@@ -16,10 +16,16 @@ from google.protobuf.message import Message
 from khepera_protocol.serial.commands import SENSOR_BEARINGS
 from khepera_protocol.serial.units import BODY_RADIUS, PROXIMITY_FULL
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import Outline, PayloadError, Pose, Truth, Wire
+from khepera_protocol.zenoh.controller_payloads import Decision
+from khepera_protocol.zenoh.payload_model import PayloadError
+from khepera_protocol.zenoh.payloads import (
+    Outline,
+    Pose,
+    Truth,
+    Wire,
+)
 
 from macor_hil.telemetry.feed import Arrival, Event
-from macor_hil.telemetry.schemas import Decision
 
 _ARENA: Final = "arena"
 _ODOMETRY: Final = "odometry"
@@ -30,7 +36,7 @@ _LOG_LEVELS: Final = {"fault": Log.WARNING}
 
 
 def drawings(event: Event) -> Iterator[tuple[str, Message]]:
-    """Messages that show an event, each with the last part of its topic."""
+    """Yield messages that show an event, each with the last part of its topic."""
     if not isinstance(event, Arrival):
         return
     try:

@@ -4,30 +4,26 @@ Whoever watches sees emulator and controller appear, drive and go as they did; q
 the latest at that moment.
 """
 
-import json
 import time
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
-from functools import partial
 from typing import Final, Self
 
 import zenoh
-from khepera_protocol.zenoh.keys import DESCRIBE, SCHEMA_MEDIA_TYPE
-from khepera_protocol.zenoh.payloads import Payload
-from khepera_protocol.zenoh.schema import schema_of
+from khepera_protocol.zenoh.keys import ALIVE, KEYS_BY_PLACE
+from khepera_protocol.zenoh.sample import AnsweringPublisher, Content, Sample
 
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.keys import ALIVE, KEYS
 from macor_hil.telemetry.recordings.playing_times import in_playing_time
-from macor_hil.telemetry.samples import LONGEST_ENCODING
+from macor_hil.telemetry.sample_checks import LONGEST_ENCODING
 from macor_hil.telemetry.session import check_robot_name
 
 _NS: Final = 1e-9
 
 
-def replay(
+def play(
     events: Iterable[Event],
-    stage: "Stage",
+    player: "Player",
     speed: float = 1.0,
     *,
     clock: Callable[[], float] = time.monotonic,
@@ -37,7 +33,7 @@ def replay(
 
     Args:
         events: what was recorded, in its order; taken one by one.
-        stage: where to.
+        player: where to.
         speed: how many times faster.
         clock: seconds.
         sleep: waits for so many of them.
@@ -48,20 +44,20 @@ def replay(
         due = begin + (event.received - first) * _NS / speed
         if (left := due - clock()) > 0.0:
             sleep(left)
-        stage.show(event)
+        player.publish(event)
         count += 1
     return count
 
 
-class Stage:
-    """Publishes events as those whom they came from did; use as a context.
+class Player:
+    """A publisher of recorded events in the place of emulator and controller; use as a context.
 
     Args:
         session: an open session, which stays its owner's.
         robot: the robot's name in the keys.
 
     Attributes:
-        shown: how many events have happened.
+        published: how many events have happened.
 
     Raises:
         TelemetryError: the name cannot be part of a key.
@@ -69,18 +65,18 @@ class Stage:
 
     def __init__(self, session: zenoh.Session, robot: str) -> None:
         check_robot_name(robot)
-        self.shown = 0
+        self.published = 0
         self._session = session
         self._robot = robot
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
-        # replaced as a whole, for the library's thread that answers the queries
-        self._latest: dict[str, tuple[Arrival, zenoh.Timestamp]] = {}
         with ExitStack() as stack:
-            for key in KEYS:
-                if key.published or key.payload:
-                    name = f"{key.side}/{robot}/{key.leaf}"
-                    answer = partial(self._answer, name, key.payload)
-                    stack.enter_context(session.declare_queryable(name, answer))
+            self._keys = {
+                place: AnsweringPublisher(session, key, robot)
+                for place, key in KEYS_BY_PLACE.items()
+                if key.published or key.payload
+            }
+            for key_publisher in self._keys.values():
+                stack.callback(key_publisher.close)
             stack.callback(self._go)
             self._stack = stack.pop_all()
 
@@ -90,65 +86,35 @@ class Stage:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def show(self, event: Event) -> None:
-        """Let an event happen now."""
-        self.shown += 1
+    def publish(self, event: Event) -> None:
+        """Publish an event now."""
+        self.published += 1
         if isinstance(event, Presence):
             self._appear(event)
             return
-        key = f"{event.side}/{self._robot}/{event.leaf}"
-        timestamp = self._session.new_timestamp()
-        self._latest = {**self._latest, key: (event, timestamp)}
-        self._session.put(
-            key,
-            event.data,
-            encoding=_encoding(event),
-            attachment=_attachment(event),
-            timestamp=timestamp,
-            congestion_control=zenoh.CongestionControl.DROP,
-        )
+        key = self._keys.get((event.side, event.leaf))
+        if key is not None:  # nobody has published on the others
+            stamp = event.stamp.model_dump_json() if event.stamp else None
+            content = Content(event.data, _encoding(event))
+            key.put(Sample(content, stamp, self._session.new_timestamp()))
 
     def _appear(self, presence: Presence) -> None:
         token = self._tokens.pop(presence.side, None)
         if token is not None:
             token.undeclare()
         if presence.alive:
-            self._latest = {
-                key: known
-                for key, known in self._latest.items()
-                if not key.startswith(f"{presence.side}/")
-            }
-            self._tokens[presence.side] = self._session.liveliness().declare_token(
-                f"{presence.side}/{self._robot}/{ALIVE}"
-            )
+            for (side, _), key in self._keys.items():
+                if side == presence.side:
+                    key.forget()
+            alive = ALIVE[presence.side].of(self._robot)
+            self._tokens[presence.side] = self._session.liveliness().declare_token(alive)
 
     def _go(self) -> None:
         for token in self._tokens.values():
             token.undeclare()
         self._tokens.clear()
 
-    def _answer(self, key: str, payload: type[Payload] | None, query: zenoh.Query) -> None:
-        with query:
-            if payload and DESCRIBE in query.parameters:
-                schema = json.dumps(schema_of(payload))
-                query.reply(key, schema, encoding=zenoh.Encoding(SCHEMA_MEDIA_TYPE))
-            elif known := self._latest.get(key):
-                arrival, timestamp = known
-                query.reply(
-                    key,
-                    arrival.data,
-                    encoding=_encoding(arrival),
-                    attachment=_attachment(arrival),
-                    timestamp=timestamp,
-                )
-            else:
-                query.reply_err("nothing yet", encoding=zenoh.Encoding.TEXT_PLAIN)
-
 
 def _encoding(arrival: Arrival) -> zenoh.Encoding:
     """Return the encoding of a sample, which Zenoh cannot send if it is long."""
     return zenoh.Encoding(arrival.encoding.encode()[:LONGEST_ENCODING].decode(errors="ignore"))
-
-
-def _attachment(arrival: Arrival) -> str | None:
-    return arrival.stamp.model_dump_json() if arrival.stamp else None

@@ -1,4 +1,4 @@
-"""When the events of a recording are played: at the distances they had, within reason.
+"""Times at which the events of a recording are played: with the pauses they had, within limits.
 
 A recording made while the wall clock was set has times that go back, or on by a year; nobody wants
 to wait for a silence of hours either.

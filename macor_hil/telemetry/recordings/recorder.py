@@ -1,4 +1,4 @@
-"""`macor-hil record`: a subscriber that writes down what it hears."""
+"""`macor-hil record`: a subscriber that writes all events of a robot to a file."""
 
 import time
 from math import inf
@@ -15,7 +15,7 @@ _LOOK: Final = 0.2
 
 
 class Recorded(NamedTuple):
-    """What came of a recording: samples that were written, and those that were not taken."""
+    """The outcome of a recording: samples that were written, and those that were not taken."""
 
     samples: int
     not_taken: NotTaken

@@ -1,4 +1,4 @@
-"""Recordings: what was told of a robot, as an MCAP file that other tools open, too.
+"""Recordings: the events of a robot as an MCAP file, which other tools open, too.
 
 Samples are kept as they came, under their keys as topics: JSON with its schema, pictures as
 `foxglove.CompressedImage`. A message's log time is when it came, its publish time is the stamp's,
@@ -22,8 +22,9 @@ from typing import Final, Self
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
 from google.protobuf.message import Message as Protobuf
-from khepera_protocol.zenoh.keys import schema_name
-from khepera_protocol.zenoh.payloads import Payload, Stamp
+from khepera_protocol.zenoh.keys import ALIVE, KEYS_BY_PLACE, Key, schema_name
+from khepera_protocol.zenoh.payload_model import Payload
+from khepera_protocol.zenoh.payloads import Stamp
 from khepera_protocol.zenoh.schema import schema_of
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
@@ -31,7 +32,6 @@ from mcap_protobuf.schema import register_schema
 from macor_hil.errors import RecordingError
 from macor_hil.input_files import MIB, InputError, open_regular
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.keys import ALIVE, KEYS, PAYLOADS
 from macor_hil.telemetry.recordings.foxglove import drawings
 from macor_hil.telemetry.recordings.mcap_file import Damage, Message, read_messages
 
@@ -57,13 +57,13 @@ _MOST_MEMORY: Final = 2048 * MIB
 
 
 class Alive(Payload):
-    """Whether a side is there; in recordings only, for its liveliness token."""
+    """The presence of a side; in recordings only, for its liveliness token."""
 
     alive: bool
 
 
 class Recorder:
-    """Writes events to a file; use as a context.
+    """A writer of events to a file; use as a context.
 
     Args:
         path: the file; one that is there is replaced.
@@ -125,7 +125,7 @@ class Recorder:
         """
         try:
             if isinstance(event, Presence):
-                self._json(event.side, ALIVE, Alive(alive=event.alive), event.received)
+                self._json(ALIVE[event.side], Alive(alive=event.alive), event.received)
             else:
                 self._sample(event)
                 self.samples += 1
@@ -136,10 +136,10 @@ class Recorder:
             raise self._failed(error) from None
 
     def _sample(self, arrival: Arrival) -> None:
-        payload = PAYLOADS.get((arrival.side, arrival.leaf))
-        topic = f"{arrival.side}/{self._robot}/{arrival.leaf}"
-        if payload:
-            channel = self._json_channel(topic, arrival.side, payload)
+        key = KEYS_BY_PLACE[arrival.side, arrival.leaf]
+        topic = key.of(self._robot)
+        if key.payload:
+            channel = self._json_channel(topic, arrival.side, key.payload)
             data = arrival.data
         else:
             picture = CompressedImage(
@@ -150,8 +150,8 @@ class Recorder:
             data = picture.SerializeToString()
         self._add(channel, data, arrival.received, arrival.stamp)
 
-    def _json(self, side: str, leaf: str, payload: Payload, received: int) -> None:
-        channel = self._json_channel(f"{side}/{self._robot}/{leaf}", side, type(payload))
+    def _json(self, key: Key, payload: Payload, received: int) -> None:
+        channel = self._json_channel(key.of(self._robot), key.side, type(payload))
         self._add(channel, payload.model_dump_json().encode(), received, None)
 
     def _protobuf(self, topic: str, message: Protobuf, received: int) -> None:
@@ -238,7 +238,7 @@ def read_recording(path: Path, most: int = _MOST_MEMORY) -> tuple[str, list[Even
 
 
 class _LeftOut:
-    """Counts what of a recording cannot be used."""
+    """A count of what of a recording cannot be used."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -294,13 +294,14 @@ def _event(side: str, leaf: str, message: Message) -> Event | None:
     Raises:
         ValueError: it cannot be read.
     """
-    if not any(key.side == side and key.leaf == leaf for key in KEYS):
+    key = KEYS_BY_PLACE.get((side, leaf))
+    if key is None:
         return None
-    if leaf == ALIVE:
+    if key == ALIVE[side]:
         alive = Alive.model_validate_json(message.data).alive
         return Presence(side, alive, message.log_time)
-    if payload := PAYLOADS.get((side, leaf)):
-        data, encoding = message.data, f"application/json;{schema_name(side, payload)}"
+    if key.payload:
+        (encoding,), data = key.encodings, message.data
     else:
         data, encoding = _picture(message.data)
     stamp = Stamp(sequence=message.sequence, time=message.publish_time / _SECOND)

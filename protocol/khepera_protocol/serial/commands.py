@@ -13,7 +13,7 @@ from typing import Final
 
 
 class Beyond(Enum):
-    """What the robot does with a number outside the range of its field."""
+    """The robot's way with a number outside the range of its field."""
 
     CLAMP = "take the nearest value of the range and acknowledge"
     REJECT = "answer z,Protocol error"
@@ -71,7 +71,7 @@ SENSORS: Final = (
 """The eight infrared sensors in reply order: clockwise from the left, seen from above."""
 
 SENSOR_BEARINGS: Final = (90.0, 45.0, 10.0, -10.0, -45.0, -90.0, -170.0, 170.0)
-"""Where they nominally look, degrees from straight ahead, left positive; for drawings."""
+"""Their nominal directions, degrees from straight ahead, left positive; for drawings."""
 
 
 def _pair(low: int, high: int, unit: str, beyond: Beyond = Beyond.CLAMP) -> tuple[Field, Field]:

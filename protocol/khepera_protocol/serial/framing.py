@@ -76,7 +76,7 @@ class ReplySplitter:
 
     @property
     def pending(self) -> bytes:
-        """What has come of a line that is not complete yet."""
+        """The bytes of a line that is not complete yet."""
         return self._rest
 
     def clear(self) -> None:

@@ -31,7 +31,7 @@ _INTEGER_REPLIES: Final = MappingProxyType(
         if not (row.open_ended or row.reply_is_text)
     }
 )
-"""What the whole of a good reply looks like, where all its values are integers."""
+"""Patterns of whole good replies, where all values are integers."""
 
 _REMEMBERED: Final = 512
 """Different requests whose meaning is remembered: a program sends the same ones again and again."""
@@ -56,7 +56,7 @@ class Request(NamedTuple):
         return COMMANDS[self.letter]
 
     def encode(self) -> bytes:
-        """The request as bytes on the line, ended with LF as most clients do."""
+        """Return the request as bytes on the line, ended with LF as most clients do."""
         return ",".join((self.letter, *map(str, self.arguments), *self.rest)).encode() + b"\n"
 
 
@@ -82,19 +82,19 @@ class Reply(NamedTuple):
     text: tuple[str, ...] = ()
 
     def encode(self) -> bytes:
-        """The reply as bytes on the line."""
+        """Return the reply as bytes on the line."""
         letter, values, text = self
         return ",".join((letter, *map(str, values), *text)).encode("ascii") + LINE_END
 
 
 def encode_line(text: str) -> bytes:
-    """A line as the robot sends it: ASCII, ended with CR LF."""
+    """Return a line as the robot sends it: ASCII, ended with CR LF."""
     return text.encode("ascii") + LINE_END
 
 
 @lru_cache(_REMEMBERED, typed=True)
 def build_request(letter: str, *arguments: int, rest: tuple[str, ...] = ()) -> Request:
-    """A request checked against the table.
+    """Return a request, checked against the table.
 
     Raises:
         RequestError: unknown letter, wrong number of arguments, or a number out of range.
@@ -160,7 +160,7 @@ def _parse_arguments(command: Command, arguments: list[str], reject_beyond: bool
 
 
 def parse_number(field: Field, argument: str, *, reject_beyond: bool = False) -> int:
-    """The number of a field as it stands in a request; blanks around it do not count.
+    """Return the number of a field as it stands in a request; blanks around it do not count.
 
     Raises:
         RequestError: no integer, or one out of range that the field does not clamp.
@@ -218,7 +218,7 @@ def _parse_by_table(request: Request, line: bytes) -> Reply:
 
 
 def is_integer(word: str) -> bool:
-    """Whether a word of a request or reply is an integer of at most ten digits."""
+    """Return whether a word of a request or reply is an integer of at most ten digits."""
     return _NUMBER.fullmatch(word) is not None
 
 

@@ -36,7 +36,7 @@ RADIO_READY, RADIO_RECEIVED, RADIO_FAILED = 1, 2, 4
 """Bits of the radio's status: ready to send, message received, last message not delivered."""
 
 BUS_ADDRESS: Final = 32
-"""Where the general I/O turret's digital inputs (R) and outputs (W) are on the extension bus."""
+"""Addresses of the general I/O turret's digital inputs (R) and outputs (W) on the extension bus."""
 
 ANALOGUE_CHANNELS: Final = (3, 4, 5)
 """A/D channels (I) of the general I/O turret's analogue inputs."""
@@ -171,7 +171,7 @@ TURRETS: Final = MappingProxyType(
 
 
 def build_message(name: str, letter: str, *arguments: int) -> Request:
-    """The request that carries a message to a turret.
+    """Return the request that carries a message to a turret.
 
     Raises:
         RequestError: no such turret with messages, no such message, or arguments that it does
@@ -213,7 +213,7 @@ def parse_message(
 
 
 def message_values(request: Request, reply: Reply) -> tuple[int, ...]:
-    """The values in the reply to a turret's message, as `parse_reply` has read it.
+    """Return the values in the reply to a turret's message, as `parse_reply` has read it.
 
     Raises:
         ReplyError: another letter, a wrong number of values, or no integers.

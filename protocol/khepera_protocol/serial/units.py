@@ -34,5 +34,5 @@ ADC_FULL_SCALE = 4.096
 
 
 def wire_time(characters: int, baud: int) -> float:
-    """Seconds that a number of characters needs on the line at a rate in bits a second."""
+    """Return the seconds of a number of characters on the line at a rate in bits a second."""
     return characters * BITS_PER_CHARACTER / baud

@@ -1,1 +1,1 @@
-"""What emulator and controller agree on beside the line: Zenoh keys, payloads and sessions."""
+"""The Zenoh layer of emulator, controller and player: keys, payloads, sessions and samples."""

@@ -1,4 +1,4 @@
-"""How both ends open their Zenoh session: as peers on named endpoints, on this machine only.
+"""Configuration of Zenoh sessions: peers on named endpoints, on this machine only.
 
 A peer listens on the endpoints that it is given and nowhere else, looks for nobody by multicast,
 and learns from the peers that it connects to of all others (gossip): whoever connects to the
@@ -14,7 +14,7 @@ MOST_MESSAGE: Final = 16_000_000
 
 
 def zenoh_config(listen: Sequence[str], connect: Sequence[str]) -> str:
-    """Configuration of a session, as JSON text.
+    """Return the configuration of a session, as JSON text.
 
     Opening fails if an endpoint of `listen` cannot be had. An endpoint of `connect` may appear
     later, and go and come again: it is tried in the background, for ever. Opening waits half a

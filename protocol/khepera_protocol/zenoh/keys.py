@@ -1,9 +1,11 @@
-"""The Zenoh keys of both ends as a table: what is said on each, in which form, and when."""
+"""The Zenoh keys of both sides as a table: content of each, its form, and when it is sent."""
 
 from dataclasses import dataclass
 from typing import Final
 
-from khepera_protocol.zenoh.payloads import CameraQuery, Outline, Payload, Reset, Truth, Wire
+from khepera_protocol.zenoh.controller_payloads import Decision, Learned, Link, State
+from khepera_protocol.zenoh.payload_model import MOST_JSON, MOST_PICTURE, Payload
+from khepera_protocol.zenoh.payloads import CameraQuery, Outline, Reset, Stop, Truth, Wire
 
 DESCRIBE: Final = "describe"
 """Selector parameter that asks a JSON key for its schema: `macor/<robot>/decision?describe`."""
@@ -13,22 +15,23 @@ SCHEMA_MEDIA_TYPE: Final = "application/schema+json"
 
 EMULATOR: Final = "khepera"
 CONTROLLER: Final = "macor"
+"""The sides: first parts of all keys."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """A key under `<side>/<robot>/`.
+    """A key of one side, for every robot: `<side>/<robot>/<leaf>`.
 
     Attributes:
-        side: EMULATOR or CONTROLLER, the first part of the key.
+        side: EMULATOR or CONTROLLER, its first part.
         leaf: its last part.
-        what: what it tells, a sentence.
+        what: its content, a sentence.
         payload: model of its JSON, or None for pictures and liveliness tokens.
-        encodings: media types of its samples.
+        media: media types of its samples, if they are not JSON.
         published: when samples are published; empty: never, it answers queries alone.
-        answers: what a query gets; empty: nothing.
+        answers: the answer to a query; empty: none.
         request: model of a query's JSON payload, where it takes one.
-        acts: whether a query does something. Such a key answers only to queries on exactly this
+        acts: whether a query has effects. Such a key answers only to queries on exactly this
             key, not to wildcards, and only with a payload: to look around has no effects.
     """
 
@@ -36,76 +39,151 @@ class Key:
     leaf: str
     what: str
     payload: type[Payload] | None = None
-    encodings: tuple[str, ...] = ()
+    media: tuple[str, ...] = ()
     published: str = ""
     answers: str = ""
     request: type[Payload] | None = None
     acts: bool = False
 
+    def of(self, robot: str) -> str:
+        """Return the key of one robot."""
+        return f"{self.side}/{robot}/{self.leaf}"
+
     @property
     def pattern(self) -> str:
         """The key with `<robot>` for the robot's name."""
-        return f"{self.side}/<robot>/{self.leaf}"
+        return self.of("<robot>")
 
+    @property
+    def limit(self) -> int:
+        """Bytes of its longest sample that is taken."""
+        return MOST_JSON if self.payload else MOST_PICTURE
 
-def json_key(
-    side: str,
-    leaf: str,
-    what: str,
-    payload: type[Payload],
-    published: str,
-    answers: str,
-    request: type[Payload] | None = None,
-    *,
-    acts: bool = False,
-) -> Key:
-    """A key of JSON samples."""
-    encoding = f"application/json;{schema_name(side, payload)}"
-    return Key(side, leaf, what, payload, (encoding,), published, answers, request, acts)
+    @property
+    def encodings(self) -> tuple[str, ...]:
+        """The encodings of its samples: for JSON with the name of the schema."""
+        if self.payload is None:
+            return self.media
+        return (f"application/json;{schema_name(self.side, self.payload)}",)
 
 
 def schema_name(side: str, payload: type[Payload]) -> str:
-    """Name of a payload's schema in encodings, such as `macor.Decision`."""
+    """Return the name of a payload's schema in encodings, such as `macor.Decision`."""
     return f"{side}.{payload.__name__}"
 
 
-EMULATOR_KEYS: Final = (
-    Key(
-        EMULATOR,
-        "camera",
-        "What the robot's camera sees.",
-        None,
-        ("image/jpeg", "image/png"),
-        "10 times a second as JPEG, while someone listens",
-        "a picture of this moment, as the query's payload asks for",
-        CameraQuery,
-    ),
-    json_key(
-        EMULATOR,
-        "truth",
-        "Where the robot really is.",
-        Truth,
-        "10 times a second, while someone listens",
-        "the truth of this moment",
-    ),
-    json_key(
-        EMULATOR,
-        "reset",
-        "Puts the robot somewhere, powered on afresh.",
-        Truth,
-        "",
-        "the truth after the reset",
-        Reset,
-        acts=True,
-    ),
-    json_key(EMULATOR, "arena", "The arena from above.", Outline, "", "the arena as it is now"),
-    json_key(
-        EMULATOR,
-        "wire",
-        "The bytes on the serial line, both ways.",
-        Wire,
-        "10 times a second, while someone listens and something passes",
-        "the latest entries",
-    ),
-    Key(EMULATOR, "alive", "Liveliness token: there while the robot is switched on."),
+CAMERA: Final = Key(
+    side=EMULATOR,
+    leaf="camera",
+    what="Pictures of the robot's camera.",
+    media=("image/jpeg", "image/png"),
+    published="10 times a second as JPEG, while someone listens",
+    answers="a picture of this moment, as the query's payload asks for",
+    request=CameraQuery,
 )
+TRUTH: Final = Key(
+    side=EMULATOR,
+    leaf="truth",
+    what="The robot's true pose and speed.",
+    payload=Truth,
+    published="10 times a second, while someone listens",
+    answers="the truth of this moment",
+)
+RESET: Final = Key(
+    side=EMULATOR,
+    leaf="reset",
+    what="Puts the robot in a place, powered on afresh.",
+    payload=Truth,
+    answers="the truth after the reset",
+    request=Reset,
+    acts=True,
+)
+ARENA: Final = Key(
+    side=EMULATOR,
+    leaf="arena",
+    what="The arena from above.",
+    payload=Outline,
+    answers="the arena as it is now",
+)
+WIRE: Final = Key(
+    side=EMULATOR,
+    leaf="wire",
+    what="The bytes on the serial line, both ways.",
+    payload=Wire,
+    published="10 times a second, while someone listens and something passes",
+    answers="the latest entries",
+)
+EMULATOR_ALIVE: Final = Key(
+    side=EMULATOR,
+    leaf="alive",
+    what="Liveliness token: there while the robot is switched on.",
+)
+
+FRAME: Final = Key(
+    side=CONTROLLER,
+    leaf="frame",
+    what="The mirror image that is decided on.",
+    media=("image/jpeg",),
+    published="before every decision, while someone listens",
+)
+DECISION: Final = Key(
+    side=CONTROLLER,
+    leaf="decision",
+    what="A decision and its outcome.",
+    payload=Decision,
+    published="when its command has been driven",
+    answers="the latest decision",
+)
+MAP: Final = Key(
+    side=CONTROLLER,
+    leaf="map",
+    what="The basis of the run: its map in numbers.",
+    payload=Learned,
+    published="when driving begins",
+    answers="what was published last",
+)
+STATE: Final = Key(
+    side=CONTROLLER,
+    leaf="state",
+    what="The state of the controller, and what it works with.",
+    payload=State,
+    published="with every change and every decision",
+    answers="the latest state",
+)
+LINK: Final = Key(
+    side=CONTROLLER,
+    leaf="link",
+    what="The health of the serial line to the robot.",
+    payload=Link,
+    published="after every command",
+    answers="what was published last",
+)
+STOP: Final = Key(
+    side=CONTROLLER,
+    leaf="stop",
+    what="Ends the run, where that was allowed with `--stop-key`: by a query, or by a sample.",
+    media=("text/plain",),
+    answers="`stopping`",
+    request=Stop,
+    acts=True,
+)
+CONTROLLER_ALIVE: Final = Key(
+    side=CONTROLLER,
+    leaf="alive",
+    what="Liveliness token: there while the controller runs.",
+)
+
+EMULATOR_KEYS: Final = (CAMERA, TRUTH, RESET, ARENA, WIRE, EMULATOR_ALIVE)
+CONTROLLER_KEYS: Final = (FRAME, DECISION, MAP, STATE, LINK, STOP, CONTROLLER_ALIVE)
+
+KEYS: Final = EMULATOR_KEYS + CONTROLLER_KEYS
+"""All keys of a robot."""
+
+ALIVE: Final = {EMULATOR: EMULATOR_ALIVE, CONTROLLER: CONTROLLER_ALIVE}
+"""The key of a side's liveliness token."""
+
+KEYS_BY_PLACE: Final = {(key.side, key.leaf): key for key in KEYS}
+"""A key by its side and leaf."""
+
+PAYLOADS: Final = {place: key.payload for place, key in KEYS_BY_PLACE.items() if key.payload}
+"""The models of JSON keys, by side and leaf."""

@@ -1,4 +1,4 @@
-"""What is said by those who do not answer a Zenoh query."""
+"""Reasons of those who refuse a Zenoh query."""
 
 from typing import Final
 

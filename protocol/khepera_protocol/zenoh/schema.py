@@ -6,7 +6,7 @@ references, no alternatives, no lists of lists.
 
 from typing import Any
 
-from khepera_protocol.zenoh.payloads import Payload
+from khepera_protocol.zenoh.payload_model import Payload
 
 
 def schema_of(payload: type[Payload]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ output.
 
 import json
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -19,7 +19,7 @@ import zenoh
 
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.config import MOST_MESSAGE, zenoh_config
-from khepera_protocol.zenoh.trouble import TLS, Tls, reason_of_silence
+from khepera_protocol.zenoh.diagnosis import TLS, Tls, reason_of_silence
 
 _log = logging.getLogger(__name__)
 
@@ -45,13 +45,18 @@ class SessionError(Exception):
     """A session cannot be opened; the message says why, fit for a terminal."""
 
 
-class EndpointInUseError(SessionError):
+class _EndpointInUseError(SessionError):
     """Another program listens on an endpoint already."""
 
 
 @contextmanager
 def open_session(
-    listen: Sequence[str], connect: Sequence[str], file: Path | None = None
+    listen: Sequence[str],
+    connect: Sequence[str],
+    file: Path | None = None,
+    *,
+    error: Callable[[str], Exception] = SessionError,
+    if_in_use: str = "",
 ) -> Iterator[zenoh.Session]:
     """Open a session for as long as it is used: a process with an open one may never exit.
 
@@ -61,25 +66,36 @@ def open_session(
     Args:
         listen: endpoints to be found at; none: do not listen.
         connect: endpoints of peers, there now or later.
-        file: a configuration file of Zenoh, which then counts instead of both.
+        file: a configuration file of Zenoh (JSON5), which overrides both.
+        error: makes the program's own error of a sentence.
+        if_in_use: advice of the program where an endpoint is in use.
 
     Raises:
-        SessionError: an endpoint is malformed or in use, or the file cannot be used, or nobody
-            whom it says to connect to lets this program in.
+        SessionError: (or `error`) an endpoint is malformed or in use, or the file cannot be used,
+            or no peer that it says to connect to lets this program in.
     """
     zenoh.try_init_log_from_env()
-    if file is not None:
-        session = _open(read_configuration(file), f"as {file} says")
-    else:
-        where = f"on {', '.join([*listen, *connect])}"
-        session = _open(_configuration(listen, connect, where), where)
+    try:
+        session = _session(listen, connect, file)
+    except _EndpointInUseError as failure:
+        raise error(f"{failure}{if_in_use}") from None
+    except SessionError as failure:
+        hint = "" if file else "; an endpoint looks like tcp/127.0.0.1:7447"
+        raise error(f"{failure}{hint}") from None
     try:
         yield session
     finally:
         try:
             session.close()
-        except zenoh.ZError as error:
-            _log.warning("a Zenoh session does not close: %s", _text(error))
+        except zenoh.ZError as failure:
+            _log.warning("a Zenoh session does not close: %s", _text(failure))
+
+
+def _session(listen: Sequence[str], connect: Sequence[str], file: Path | None) -> zenoh.Session:
+    if file is not None:
+        return _open(read_configuration(file), f"as {file} says")
+    where = f"on {', '.join([*listen, *connect])}"
+    return _open(_configuration(listen, connect, where), where)
 
 
 def _configuration(listen: Sequence[str], connect: Sequence[str], where: str) -> zenoh.Config:
@@ -130,7 +146,7 @@ def _open(config: zenoh.Config, where: str) -> zenoh.Session:
         what = f"cannot open a Zenoh session {where}: "
         if "Address already in use" in text:
             taken = ", ".join(_flat(json.loads(config.get_json("listen/endpoints"))))
-            raise EndpointInUseError(f"another program listens on {taken} already") from None
+            raise _EndpointInUseError(f"another program listens on {taken} already") from None
         if "nable to connect" in text:
             endpoints = json.loads(config.get_json("connect/endpoints"))
             tls: Tls = json.loads(config.get_json(TLS))

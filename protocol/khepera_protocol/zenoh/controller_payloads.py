@@ -7,19 +7,20 @@ be seen as it reads.
 from enum import StrEnum
 from typing import Annotated, Final
 
-from khepera_protocol.zenoh.payloads import (
+from pydantic import FailFast, Field
+
+from khepera_protocol.zenoh.payload_model import (
     Amount,
     Count,
     Integer,
     Name,
     Number,
     Payload,
-    Pose,
     Real,
     Text,
     Time,
 )
-from pydantic import FailFast, Field
+from khepera_protocol.zenoh.payloads import Pose
 
 MOST_COMMANDS: Final = 16
 MOST_AHEAD: Final = 4_096
@@ -32,7 +33,7 @@ MOST_CHANNELS: Final = 8
 
 
 class Situation(Payload):
-    """What the robot takes its view for."""
+    """The situation that the robot takes its view for."""
 
     node: Count = Field(description="visual situation")
     neuron: Count = Field(description="that situation, entered by the last command")
@@ -70,7 +71,7 @@ class Hypothesis(Payload):
 
 
 class Odometry(Payload):
-    """Where the robot takes itself to be, from its encoders alone."""
+    """The robot's pose by its own account, from its encoders alone."""
 
     pose: Pose
     counters: tuple[Integer, Integer] = Field(description="encoder counts, left and right")
@@ -113,7 +114,7 @@ class Decision(Payload):
 
 
 class Phase(StrEnum):
-    """Where in its life a run is."""
+    """The phase of a run."""
 
     STARTING = "starting"
     DRIVING = "driving"
@@ -124,7 +125,7 @@ class Phase(StrEnum):
 
 
 class State(Payload):
-    """What a controller is doing, with what."""
+    """The state of a controller, and what it works with."""
 
     phase: Phase
     planner: Text
@@ -164,7 +165,7 @@ Angle = Annotated[float, Field(ge=-10.0, le=10.0)]
 
 
 class Eye(Payload):
-    """Where the mirror lies in a frame, and what it shows; straight ahead is up."""
+    """The place of the mirror in a frame, and its elevations; straight ahead is up."""
 
     width: Side = Field(description="of a frame, pixels")
     height: Side = Field(description="of a frame, pixels")
@@ -177,7 +178,7 @@ class Eye(Payload):
 
 
 class Learned(Payload):
-    """What a run drives by: the map in numbers, and how to read frames and decisions."""
+    """The basis of a run: its map in numbers, and how to read frames and decisions."""
 
     situations: Count = Field(description="visual situations that the map knows")
     transitions: Count = Field(description="transitions between neurons that have occurred")
@@ -189,7 +190,7 @@ class Learned(Payload):
 
 
 class Link(Payload):
-    """How the serial line to the robot does."""
+    """The health of the serial line to the robot."""
 
     time: Time = Field(description="seconds on the robot's clock; wall clock for a real robot")
     exchanges: Count = Field(description="requests that were answered, so far")

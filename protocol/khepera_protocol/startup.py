@@ -1,4 +1,4 @@
-"""How a program begins, before anything heavy is imported: its standard files, and its signals."""
+"""The start of a program, before anything heavy is imported: standard files and signals."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ KEYS: Final = (signal.SIGINT, signal.SIGQUIT)
 """Ctrl-C and Ctrl-\\."""
 
 SIGNALS: Final = (*KEYS, signal.SIGTERM, signal.SIGHUP)
-"""What tells a program to end."""
+"""Signals that tell a program to end."""
 
 INTERRUPTED: Final = 130
 """Exit status after Ctrl-C or Ctrl-\\."""
@@ -46,7 +46,7 @@ def signals_to_take() -> list[signal.Signals]:
 
 
 def ignore_signals() -> None:
-    """Let no signal disturb the end, which has begun."""
+    """Ignore all signals while the program ends."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 

@@ -1,4 +1,4 @@
-"""The bridge: a subscriber of a controller that is a ROS 2 node on its other side.
+"""The bridge: a subscriber of a controller, and a ROS 2 node on its other side.
 
 It is a process of its own, so that nothing of it is in the controller's loop. Zenoh calls back in
 threads of its own; they only put what came on a queue.
@@ -12,17 +12,24 @@ from pathlib import Path
 from typing import Final, Self
 
 import zenoh
-from khepera_protocol.zenoh.payloads import MOST_JSON, MOST_PICTURE, PayloadError, controller_key
+from khepera_protocol.zenoh.controller_payloads import Decision
+from khepera_protocol.zenoh.keys import DECISION, FRAME, Key
+from khepera_protocol.zenoh.payload_model import PayloadError
 
 from macor_hil.errors import TelemetryError, WrongPictureError
 from macor_hil.hardware.cameras.decoding import check_picture
-from macor_hil.ros2 import messages
-from macor_hil.ros2.wire import LAST_DOMAIN, Node, Topic, attachment, gid, namespace_of
 from macor_hil.telemetry.feed import Loss, NotTaken, Refusal
 from macor_hil.telemetry.inbox import Inbox
-from macor_hil.telemetry.keys import DECISION, FRAME
-from macor_hil.telemetry.samples import check_sample, size_of
-from macor_hil.telemetry.schemas import Decision
+from macor_hil.telemetry.ros2 import messages
+from macor_hil.telemetry.ros2.rmw_zenoh import (
+    LAST_DOMAIN,
+    Node,
+    Topic,
+    attachment,
+    gid,
+    namespace_of,
+)
+from macor_hil.telemetry.sample_checks import check_sample, size_of
 from macor_hil.telemetry.session import check_robot_name, open_session
 
 NODE: Final = "macor"
@@ -58,7 +65,7 @@ def bridge(robot: str, connect: Sequence[str], domain: int = 0, config: Path | N
 
 
 class Bridge:
-    """Forwards one robot's samples to ROS 2; use as a context.
+    """A bridge from one robot's samples to ROS 2; use as a context.
 
     Args:
         session: an open session, which stays its owner's.
@@ -74,8 +81,9 @@ class Bridge:
         if not 0 <= domain <= LAST_DOMAIN:
             raise TelemetryError(f"{domain} is no ROS domain; there are 0 to {LAST_DOMAIN}")
         namespace = namespace_of(robot)
+        self._robot = robot
         node = Node(domain, str(session.zid()), namespace, NODE)
-        self._inbox: Inbox[tuple[str, zenoh.Sample]] = Inbox()
+        self._inbox: Inbox[tuple[Key, zenoh.Sample]] = Inbox()
         self._not_taken = NotTaken()
         self._said = 0
         self._last: Decision | None = None
@@ -86,9 +94,9 @@ class Bridge:
                 _RosPublisher(stack, session, node, number, topic(namespace))
                 for number, topic in enumerate(topics, start=1)
             )
-            for leaf in (FRAME, DECISION):
-                key = controller_key(robot, leaf)
-                stack.enter_context(session.declare_subscriber(key, self._taking(key)))
+            for key in (FRAME, DECISION):
+                subscriber = session.declare_subscriber(key.of(robot), self._taking(key))
+                stack.enter_context(subscriber)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -106,18 +114,17 @@ class Bridge:
             return
         key, sample = came
         try:
-            if key.endswith(f"/{FRAME}"):
-                check_sample(sample, key, MOST_PICTURE)
+            check_sample(sample, key.of(self._robot), key.limit)
+            if key is FRAME:
                 picture = sample.payload.to_bytes()
                 check_picture(picture, "it is no picture")
                 self._image.put(messages.image(picture, _stamped(sample)))
             else:
-                check_sample(sample, key, MOST_JSON)
                 self._tell(Decision.parse(sample.payload.to_bytes()), _stamped(sample))
         except (PayloadError, TelemetryError, WrongPictureError) as error:
-            self._leave_out(Refusal(key.rpartition("/")[2], str(error), time.time_ns()))
+            self._leave_out(Refusal(key.leaf, str(error), time.time_ns()))
 
-    def _taking(self, key: str) -> Callable[[zenoh.Sample], None]:
+    def _taking(self, key: Key) -> Callable[[zenoh.Sample], None]:
         return lambda sample: self._inbox.put((key, sample), size_of(sample))
 
     def _tell(self, decision: Decision, when: int) -> None:

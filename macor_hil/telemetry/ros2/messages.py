@@ -1,4 +1,4 @@
-"""What the controller tells, as ROS 2 messages in CDR, little-endian.
+"""The controller's samples as ROS 2 messages in CDR, little-endian.
 
 Header stamps are nanoseconds since 1970 on the wall clock, for every topic alike: ROS tools put
 them on one time axis with those of other nodes. Speeds are per second of the robot's own clock.
@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import Decision
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
@@ -17,8 +18,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import TelemetryError
 from macor_hil.hardware.driver import DriveSettings
-from macor_hil.ros2.wire import Topic
-from macor_hil.telemetry.schemas import Decision
+from macor_hil.telemetry.ros2.rmw_zenoh import Topic
 
 ODOMETRY_FRAME: Final = "odom"
 BODY_FRAME: Final = "base_link"
@@ -33,28 +33,28 @@ _UNKNOWN: Final = np.zeros(36)
 
 
 def image_topic(namespace: str) -> Topic:
-    """The camera's pictures."""
+    """Return the topic of the camera's pictures."""
     return _topic(f"{namespace}/image/compressed", ros.sensor_msgs__msg__CompressedImage)
 
 
 def odometry_topic(namespace: str) -> Topic:
-    """Where the robot takes itself to be."""
+    """Return the topic of the robot's odometry."""
     return _topic(f"{namespace}/odom", ros.nav_msgs__msg__Odometry)
 
 
 def command_topic(namespace: str) -> Topic:
-    """What the robot was told to do."""
+    """Return the topic of the robot's commands."""
     return _topic(f"{namespace}/cmd_vel", ros.geometry_msgs__msg__TwistStamped)
 
 
 def image(jpeg: bytes, time: int) -> bytes:
-    """A `sensor_msgs/CompressedImage` of a JPEG file."""
+    """Return a `sensor_msgs/CompressedImage` of a JPEG file."""
     data = np.frombuffer(jpeg, np.uint8)
     return _cdr(ros.sensor_msgs__msg__CompressedImage(_header(time, CAMERA_FRAME), "jpeg", data))
 
 
 def odometry(decision: Decision, before: Decision | None, time: int) -> bytes:
-    """A `nav_msgs/Odometry`: the pose after a decision, the mean speed since the one before."""
+    """Return a `nav_msgs/Odometry`: the pose after a decision, the mean speed since the last."""
     pose = decision.odometry.pose
     half = pose.heading / 2
     turned = ros.geometry_msgs__msg__Quaternion(0.0, 0.0, sin(half), cos(half))
@@ -72,7 +72,7 @@ def odometry(decision: Decision, before: Decision | None, time: int) -> bytes:
 
 
 def command(decision: Decision, time: int, drive: DriveSettings | None = None) -> bytes:
-    """A `geometry_msgs/TwistStamped`: the arc of a decision's command at its top speed.
+    """Return a `geometry_msgs/TwistStamped`: the arc of a decision's command at top speed.
 
     Raises:
         TelemetryError: there is no such command.
@@ -88,7 +88,7 @@ def command(decision: Decision, time: int, drive: DriveSettings | None = None) -
 
 
 def _mean_speed(decision: Decision, before: Decision | None) -> tuple[float, float]:
-    """Forward m/s and rad/s between two decisions; zero where there are no two of one run."""
+    """Return forward m/s and rad/s between two decisions; zero if they are not of one run."""
     if before is None or decision.sequence <= before.sequence:
         return 0.0, 0.0
     pose, last = decision.odometry.pose, before.odometry.pose

@@ -1,4 +1,4 @@
-"""What a report is made of, as values."""
+"""Elements of a report, as values."""
 
 from dataclasses import dataclass
 
@@ -27,4 +27,4 @@ class Picture:
     caption: str
 
 
-Block = Text | Table | Picture
+Element = Text | Table | Picture

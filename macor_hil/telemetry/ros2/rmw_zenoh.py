@@ -1,4 +1,4 @@
-"""How the ROS 2 Zenoh middleware (rmw_zenoh) names and marks what it sends; no I/O.
+"""Names and attachments of the ROS 2 Zenoh middleware (rmw_zenoh); no I/O.
 
 After its design document (github.com/ros2/rmw_zenoh, docs/design.md), as of ROS 2 Jazzy: a topic is
 a Zenoh key of domain, name, type and type hash; a sample carries an attachment of 33 bytes; nodes
@@ -50,7 +50,7 @@ class Topic:
         return "::".join([*package, "dds_", f"{name}_"])
 
     def key(self, domain: int) -> str:
-        """Zenoh key of the topic in a domain."""
+        """Return the Zenoh key of the topic in a domain."""
         return f"{domain}/{self.name[1:]}/{self.dds_kind}/{self.kind_hash}"
 
 
@@ -71,11 +71,11 @@ class Node:
     name: str
 
     def token(self) -> str:
-        """Key of the liveliness token that says that the node is there."""
+        """Return the key of the liveliness token that says that the node is there."""
         return self._entity(0, "NN")
 
     def publisher_token(self, number: int, topic: Topic, depth: int = DEPTH) -> str:
-        """Key of the liveliness token of a publisher: reliable, volatile, keeps the last samples.
+        """Return the key of a publisher's liveliness token: reliable, volatile, keeps samples.
 
         Args:
             number: of the publisher in its node, 1 or greater.
@@ -93,12 +93,12 @@ class Node:
 
 
 def gid(token: str) -> bytes:
-    """GID of the publisher with this liveliness token, 16 bytes."""
+    """Return the GID of the publisher with this liveliness token, 16 bytes."""
     return xxhash.xxh3_128(token.encode()).intdigest().to_bytes(16, "little")
 
 
 def attachment(sequence: int, time: int, publisher: bytes) -> bytes:
-    """Attachment of a sample.
+    """Return the attachment of a sample.
 
     Args:
         sequence: number of the sample, from 1.
@@ -109,7 +109,7 @@ def attachment(sequence: int, time: int, publisher: bytes) -> bytes:
 
 
 def namespace_of(robot: str) -> str:
-    """Namespace of a robot: its name, with underscores for what ROS names must not hold."""
+    """Return a robot's namespace: its name, with underscores for what ROS names must not hold."""
     name = _NOT_ROS.sub("_", robot)
     return f"/robot_{name}" if name[0].isdigit() else f"/{name}"
 

@@ -1,13 +1,13 @@
-"""The latest entries of a robot's wire log, kept in memory for those who watch the line."""
+"""A tap on a serial line: its latest entries, kept in memory for those who watch it."""
 
 from collections import deque
 from itertools import accumulate, islice, takewhile
 
-from khepera_protocol.zenoh.payloads import MOST_TEXT, Wire, WireEntry
+from khepera_protocol.zenoh.payload_model import MOST_TEXT
+from khepera_protocol.zenoh.payloads import Wire, WireEntry
 
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.faults import Happening
-from khepera_emulator.line.wire_log import WireLog
+from khepera_emulator.line.fault import Happening
 
 MOST_ENTRIES = 1024
 """Entries kept: a second's worth of a line in heavy use."""
@@ -19,15 +19,13 @@ _CUT = "…"
 
 
 class WireTap:
-    """Listens to a line: keeps the latest entries, and hands everything on to a log.
+    """Keeper of the latest entries of a line.
 
     Attributes:
-        log: where everything is written down, too.
         count: entries so far.
     """
 
     def __init__(self) -> None:
-        self.log: WireLog | None = None
         self.count = 0
         # kept as they come, and made readable only for those who ask
         self._entries: deque[tuple[float, str, bytes | str]] = deque(maxlen=MOST_ENTRIES)
@@ -36,35 +34,25 @@ class WireTap:
     def request(self, time: float, data: bytes) -> None:
         """A client has written."""
         self._add(time, "request", data)
-        if self.log:
-            self.log.request(time, data)
 
     def reply(self, time: float, data: bytes) -> None:
         """Bytes have reached the client."""
         self._add(time, "reply", data)
-        if self.log:
-            self.log.reply(time, data)
 
     def close(self, time: float) -> None:
         """The client has left."""
         self._add(time, "close", "")
-        if self.log:
-            self.log.close(time)
 
     def line(self, time: float, line: LineFormat | None) -> None:
         """The client's settings; an entry when they are new."""
         if line is not None and line != self._settings:
             self._settings = line
             self._add(time, "line", f"{line.baud} {line.bits}{line.parity}{line.stop:g}")
-        if self.log:
-            self.log.line(time, line)
 
     def fault(self, happening: Happening) -> None:
         """A fault has happened."""
         text = f"{happening.direction} {happening.kind}: {happening.what}"
         self._add(happening.time, "fault", text)
-        if self.log:
-            self.log.fault(happening)
 
     def since(self, number: int) -> Wire:
         """Entries from a number on, as far as they are still there."""

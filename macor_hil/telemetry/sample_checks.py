@@ -4,7 +4,8 @@ from typing import Final
 
 import zenoh
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import MOST_STAMP, PayloadError, Stamp
+from khepera_protocol.zenoh.payload_model import MOST_STAMP, PayloadError
+from khepera_protocol.zenoh.payloads import Stamp
 
 LONGEST_ENCODING: Final = 200
 """Bytes of the name of an encoding."""

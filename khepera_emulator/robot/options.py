@@ -1,0 +1,163 @@
+"""Options of an emulated robot, declared once.
+
+The command line of `khepera-emulator run`, a TOML file for its `--config`, `khepera://` URLs, the
+header of a wire log and the pages of the reference follow from this model.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import Annotated, Final, Self
+from urllib.parse import parse_qsl, unquote
+
+from khepera_protocol.options import Cli, from_strings, to_strings
+from khepera_protocol.text import quoted
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SkipValidation,
+    field_validator,
+    model_validator,
+)
+
+from khepera_emulator.arenas.arena import MOST_ROBOTS, load_arena
+from khepera_emulator.body.drift import DEFAULT_DRIFT, parse_drift
+from khepera_emulator.choices import option_names, parse_choices
+from khepera_emulator.line.fault_text import parse_faults
+from khepera_emulator.line.uart import FIRST_RATE
+from khepera_emulator.line.wire_log import robot_url
+from khepera_emulator.models import KHEPERA, MODELS, find_model
+from khepera_emulator.robot.setup import DEFAULT_SEED, Setup
+from khepera_emulator.turrets import TURRETS, check_turrets
+
+HIGHEST_SEED: Final = 10**18 - 1
+
+_LONGEST_PAUSE: Final = 999_999.0
+_FASTEST: Final = 10_000_000
+"""Bits a second: more than any serial line has."""
+
+_BAUD: Final = re.compile(r"[1-9][0-9]{0,7}", re.ASCII)
+
+AUTO, UNPACED = "auto", "unpaced"
+"""Rates of a line: that of the client, and none."""
+
+
+class RobotOptions(BaseModel):
+    """Everything that emulated robots are made from."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    # the path of a file may hold bytes that are no text
+    arena: Annotated[str, SkipValidation] = Field(
+        default="corridor",
+        description="Name of an arena (see `arenas`), or path of a TOML file.",
+    )
+    model: Annotated[str, Cli(names=lambda: MODELS)] = Field(
+        default=KHEPERA.name, description="Robot: {names}."
+    )
+    seed: int = Field(default=DEFAULT_SEED, ge=0, le=HIGHEST_SEED, description="Of all randomness.")
+    drift: Annotated[str, Cli(metavar="SPEC")] = Field(
+        default=DEFAULT_DRIFT,
+        description="How far real motion differs from the encoders: none, default, strong,"
+        " or items such as scale=0.01,slip=0.05.",
+    )
+    baud: Annotated[str, Cli(metavar="auto|unpaced|N")] = Field(
+        default=AUTO,
+        description="Rate of the line: the one the client has set; none, the line takes no time;"
+        " or a number of bits a second: clients at another rate read and send garbage.",
+    )
+    fault: Annotated[tuple[str, ...], Cli(metavar="SPEC")] = Field(
+        default=(),
+        description="A fault to inject on the line, such as drop:p=0.001 or cut:at=10,for=2"
+        " (see docs/faults.md); repeatable.",
+    )
+    turret: Annotated[tuple[str, ...], Cli(metavar="NAME", names=lambda: TURRETS)] = Field(
+        default=(), description="A turret to mount: {names}; repeatable."
+    )
+    firmware: Annotated[tuple[str, ...], Cli(metavar="NAME[=VALUE]", names=option_names)] = Field(
+        default=(),
+        description="A choice where sources differ: {names} (see docs/khepera-choices.md);"
+        " repeatable.",
+    )
+    dead_man: Annotated[float | None, Cli(metavar="SECONDS")] = Field(
+        default=None,
+        ge=0.01,
+        le=_LONGEST_PAUSE,
+        description="The robot stops by itself after so long without a request; a real one rolls"
+        " on.",
+    )
+    robots: int = Field(
+        default=1,
+        ge=1,
+        le=MOST_ROBOTS,
+        description="Number of robots in one world; names and links get a number: khepera-1,"
+        " khepera-2 ...",
+    )
+
+    @field_validator("baud")
+    @classmethod
+    def _is_a_rate(cls, text: str) -> str:
+        if text in (AUTO, UNPACED) or (_BAUD.fullmatch(text) and int(text) <= _FASTEST):
+            return text
+        raise ValueError(f"{quoted(text)} is no rate; give auto, unpaced, or a rate such as 38400")
+
+    def setup(self) -> Setup:
+        """Read what the options name.
+
+        Raises:
+            EmulatorError: one of them names nothing that there is.
+        """
+        return Setup(
+            arena=load_arena(self.arena),
+            model=find_model(self.model),
+            drift=parse_drift(self.drift),
+            seed=self.seed,
+            baud=self._first_rate(),
+            faults=parse_faults(self.fault),
+            turrets=check_turrets(self.turret),
+            choices=parse_choices(self.firmware),
+            dead_man=self.dead_man,
+        )
+
+    def _first_rate(self) -> int | None:
+        if self.baud == UNPACED:
+            return None
+        return FIRST_RATE if self.baud == AUTO else int(self.baud)
+
+
+class UrlOptions(RobotOptions):
+    """One robot of those that share a world, as a URL names it."""
+
+    robot: int = Field(
+        default=1, ge=1, le=MOST_ROBOTS, description="Number of the robot that this line is of."
+    )
+
+    @model_validator(mode="after")
+    def _is_one_of_them(self) -> Self:
+        if self.robot > self.robots:
+            raise ValueError(f"robot={self.robot} is not from 1 to {self.robots}")
+        return self
+
+    @classmethod
+    def of(cls, options: RobotOptions, robot: int, faults: Sequence[str] = ()) -> Self:
+        """Return the options of one of several robots, with more faults on its line."""
+        more = {"fault": (*options.fault, *faults), "robot": robot}
+        return cls.model_validate(options.model_dump() | more)
+
+    @classmethod
+    def from_url(cls, url: str) -> Self:
+        """Read `khepera://ARENA?NAME=VALUE&...`.
+
+        Raises:
+            OptionError: an option is unknown, or has a value that does not fit.
+        """
+        arena, _, query = url.partition("://")[2].partition("?")
+        name = unquote(arena, errors="surrogateescape")
+        return from_strings(cls, [("arena", name), *parse_qsl(query, keep_blank_values=True)])
+
+    def to_url(self) -> str:
+        """Return the URL; it names defaults, too, so that a log outlives a change of them."""
+        hidden = {"arena"} | ({"robots", "robot"} if self.robots == 1 else set())
+        pairs = [pair for pair in to_strings(self, defaults=True) if pair[0] not in hidden]
+        # faults first, as in all logs
+        return robot_url(self.arena, sorted(pairs, key=lambda pair: pair[0] != "fault"))

@@ -1,0 +1,45 @@
+"""An emulated robot before it is made: what its options name, read and checked."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from khepera_protocol.mirror import Mirror
+
+from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.body.drift import DEFAULT_DRIFT, PRESETS, DriftSettings
+from khepera_emulator.choices import Choices
+from khepera_emulator.line.fault import Fault
+from khepera_emulator.line.uart import FIRST_RATE
+from khepera_emulator.models import KHEPERA, Model
+
+DEFAULT_SEED: Final = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """Parts and properties of an emulated robot.
+
+    Attributes:
+        arena: where it drives.
+        model: which Khepera.
+        drift: how far its wheels deceive it.
+        seed: of this robot (its drift), and of all that happens by chance.
+        baud: rate of its line, or None for a line that takes no time.
+        faults: what goes wrong on its line.
+        mirror: geometry of its camera.
+        turrets: names of what is mounted on it, from `khepera_protocol.serial.turrets.TURRETS`.
+        choices: of its firmware, where sources leave them open.
+        dead_man: seconds without a request after which the robot stops by itself; None: never, as
+            a real one.
+    """
+
+    arena: Arena
+    model: Model = KHEPERA
+    drift: DriftSettings = PRESETS[DEFAULT_DRIFT]
+    seed: int = DEFAULT_SEED
+    baud: int | None = FIRST_RATE
+    faults: tuple[Fault, ...] = ()
+    mirror: Mirror = field(default_factory=Mirror)
+    turrets: tuple[str, ...] = ()
+    choices: Choices = Choices()  # noqa: RUF009 - an immutable value
+    dead_man: float | None = None

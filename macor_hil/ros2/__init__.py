@@ -1,1 +1,0 @@
-"""ROS 2 without ROS: what the controller tells, as ROS 2 topics over Zenoh."""

@@ -1,0 +1,1 @@
+"""ROS 2 without ROS: the controller's samples as ROS 2 topics over Zenoh."""
