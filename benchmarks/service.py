@@ -29,7 +29,7 @@ from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.hardware.khepera import Khepera
-from macor_hil.hardware.line import Line
+from macor_hil.hardware.line.serial_line import Line
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.expected import Expected
 from macor_hil.mind.settings import MindSettings

@@ -11,7 +11,7 @@ from khepera_protocol.zenoh.payloads import Pose
 from khepera_emulator.arenas.arena import Arena, Point
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA, Model
-from khepera_emulator.paths import check_output
+from khepera_emulator.ports.paths import check_output
 from khepera_emulator.world.floor_plan import FloorPlan
 from khepera_emulator.world.free_space import pose_of
 from khepera_emulator.world.outline import outline

@@ -17,7 +17,7 @@ from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 from khepera_protocol.text import printable
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.paths import check_name
+from khepera_emulator.ports.paths import check_name
 
 _TERMINALS = Path("/dev/pts")
 

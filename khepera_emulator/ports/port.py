@@ -1,8 +1,27 @@
 """What the daemon needs of a port: the client's end of the serial line, whatever carries it."""
 
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, Self
 
 from khepera_emulator.line.coding import LineFormat
+
+
+@dataclass(frozen=True, slots=True)
+class PortRequest:
+    """Wish for a port.
+
+    Attributes:
+        address: as it was given, such as HOST:PORT; empty: none.
+        number: of the robot among those that share a world, from 0.
+        expose: whether addresses are allowed that other machines can reach.
+        moved: is told a new URL, if the port ever gets one.
+    """
+
+    address: str
+    number: int
+    expose: bool
+    moved: Callable[[str], None]
 
 
 class Port(Protocol):
@@ -13,6 +32,14 @@ class Port(Protocol):
     """
 
     dropped: int
+
+    @classmethod
+    def opened(cls, request: PortRequest) -> Self:
+        """Open one.
+
+        Raises:
+            EmulatorError: the address is none, or the system refuses.
+        """
 
     @property
     def url(self) -> str:

@@ -20,6 +20,7 @@ process without real time:
 Not modelled: break conditions and modem lines are accepted and do nothing.
 """
 
+from collections.abc import Collection
 from math import inf
 from typing import Any
 
@@ -43,12 +44,17 @@ class Serial(SerialBase):
 
     Beside the line it offers what a bench offers: `now` (the robot's clock in seconds),
     `emulator` (camera, ground truth, reset).
+
+    Attributes:
+        allowed: parts named by a file or module that the URL may use: code that runs. A URL may
+            come from anywhere, so there are none unless they are set before it is opened.
     """
 
     BAUDRATES = (9600, 19200, 38400, 57600, 115200)
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self.emulator: Any = None
+        self.allowed: Collection[str] = ()
         self._follows = True
         self._wait: float | None = None
         super().__init__(*args, **kwargs)
@@ -71,7 +77,8 @@ class Serial(SerialBase):
 
             options = UrlOptions.from_url(url)
             self._follows = options.baud == AUTO
-            self.emulator = make_fleet(options.setup(), options.robots)[options.robot - 1]
+            setup = options.setup(self.allowed)
+            self.emulator = make_fleet(setup, options.robots)[options.robot - 1]
         except (EmulatorError, OptionError) as error:
             raise SerialException(f"{printable(url, 100)}: {printable(str(error), 1000)}") from None
         self.is_open = True

@@ -15,7 +15,9 @@ import logging
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
+
+from khepera_protocol.text import quoted
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.coding import LineFormat
@@ -27,6 +29,7 @@ from khepera_emulator.ports.inotify import (
     READ,
     WRITTEN,
 )
+from khepera_emulator.ports.port import PortRequest
 from khepera_emulator.ports.terminal import Terminal, TerminalLostError
 
 _log = logging.getLogger(__name__)
@@ -83,6 +86,17 @@ class PtyPort:
         self._terminal = Terminal()
         self._clients = 0
         self._kept_back = self._known = False
+
+    @classmethod
+    def opened(cls, request: PortRequest) -> Self:
+        """Open a terminal; it has no address.
+
+        Raises:
+            EmulatorError: the system gives none.
+        """
+        if request.address:
+            raise EmulatorError(f"a terminal has no address, not {quoted(request.address)}")
+        return cls(request.moved)
 
     def close(self) -> None:
         """Hang up: clients get an error from now on."""

@@ -16,13 +16,14 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
 from ipaddress import ip_address
-from typing import Final
+from typing import Final, Self
 
 from khepera_protocol.text import printable
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.ports.bell import Bell
+from khepera_emulator.ports.port import PortRequest
 
 _log = logging.getLogger(__name__)
 
@@ -78,6 +79,11 @@ class TcpPort:
         # always readable: shown while there is something to say that no other descriptor tells
         self._ready = Bell()
         self._ready.ring()
+
+    @classmethod
+    def opened(cls, request: PortRequest) -> Self:
+        """Listen at the address, or as many ports further on as the robot's number."""
+        return cls(shifted(request.address, request.number), expose=request.expose)
 
     @property
     def url(self) -> str:

@@ -19,13 +19,13 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import Happening
 from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
+from khepera_emulator.robot.equipment import Equipment
 from khepera_emulator.robot.firmware import Firmware
 from khepera_emulator.robot.fleet import Fleet
 from khepera_emulator.robot.robot import Robot
 from khepera_emulator.robot.setup import Setup as Setup
 from khepera_emulator.senses.camera import OmniCamera
 from khepera_emulator.senses.renderers.view import Image
-from khepera_emulator.turrets import Equipment
 from khepera_emulator.world.free_space import Gap, anywhere, check_room, pose_of, random_pose
 from khepera_emulator.world.outline import outline
 

@@ -227,4 +227,4 @@ class Firmware:
     def _about(self) -> About:
         model = self._robot.model
         bios, protocol = self._versions()
-        return About(bios, protocol, model.bauds, model.has_flash, self._robot.equipment.turrets)
+        return About(bios, protocol, model.bauds, model.has_flash, self._robot.turrets.kinds)

@@ -12,7 +12,7 @@ from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.crew import Crew
 from khepera_emulator.robot.robot import Robot
-from khepera_emulator.turrets import RadioMedium
+from khepera_emulator.turrets.radio import RadioMedium
 from khepera_emulator.world.enclosure import Enclosure
 from khepera_emulator.world.floor_plan import Surroundings
 from khepera_emulator.world.free_space import Gap

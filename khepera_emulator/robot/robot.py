@@ -10,9 +10,11 @@ from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.body.drift import slip_sequence
 from khepera_emulator.body.motors import Gains, Profile, Wheel
 from khepera_emulator.models import Model
+from khepera_emulator.robot.equipment import Equipment
 from khepera_emulator.senses.infrared import SCAN_PERIOD, Infrared
-from khepera_emulator.turrets import Equipment, Site, mount
 from khepera_emulator.turrets.grasp import WorldThings
+from khepera_emulator.turrets.rack import Fittings, mount
+from khepera_emulator.turrets.turret import Site
 from khepera_emulator.world.world import World
 
 _SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
@@ -83,7 +85,7 @@ class Robot:
         self._scans: dict[str, tuple[int, ...]] = {}
         self._start_scan()
         self._free = self._counts = (0.0, 0.0)
-        self.turrets = mount(self.equipment, self._site(world), turrets)
+        self.turrets = mount(self.equipment.turrets, self._fittings(world), turrets)
         self._carries = bool(self.turrets)
         self.power_on()
 
@@ -195,6 +197,11 @@ class Robot:
         chassis = self.chassis
         self._scan_pose = chassis.x, chassis.y, chassis.heading
         self._scans.clear()
+
+    def _fittings(self, world: World) -> Fittings:
+        equipment = self.equipment
+        first = 0 if equipment.choices.pixels_from_zero else 1
+        return Fittings(self._site(world), equipment.radio, equipment.number, first)
 
     def _site(self, world: World) -> Site:
         chassis, scene = self.chassis, self.chassis.scene

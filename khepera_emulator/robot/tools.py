@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from khepera_protocol.serial.commands import FLASH_TOOLS, TOOLS
-from khepera_protocol.serial.turrets import TURRETS
+from khepera_protocol.serial.turrets import TurretKind
 
 LOADER_TITLE: Final = "S format Motorola loader mode"
 LOADER_DONE: Final = "S: download terminated"
@@ -38,14 +38,14 @@ class About:
         bios, protocol: versions.
         bauds: rates of its line.
         has_flash: whether there is a flash memory.
-        turrets: names of what is mounted.
+        turrets: kinds of what is mounted.
     """
 
     bios: str
     protocol: str
     bauds: tuple[int, ...]
     has_flash: bool
-    turrets: tuple[str, ...]
+    turrets: tuple[TurretKind, ...]
 
 
 def tool_lines(word: str, arguments: tuple[str, ...], about: About) -> list[str] | None:
@@ -128,10 +128,9 @@ def _modules(about: About) -> dict[str, str]:
 def _net(about: About) -> list[str]:
     if not about.turrets:
         return ["No turret on the extension bus"]
-    kinds = [TURRETS[name] for name in about.turrets]
     return [
         kind.title if kind.number is None else f"Turret N. {kind.number:08d}  {kind.title}"
-        for kind in kinds
+        for kind in about.turrets
     ]
 
 

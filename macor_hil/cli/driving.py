@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 from khepera_protocol.options import Cli, takes
-from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from pydantic import Field
 from rich.console import Console
 from rich.table import Table

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 from khepera_protocol.options import Cli, takes
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.keys import KEYS
-from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.schema import schema_of
 from pydantic import Field
 

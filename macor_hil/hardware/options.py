@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from khepera_protocol.options import Cli
-from khepera_protocol.zenoh.payloads import DEFAULT_ENDPOINT
+from khepera_protocol.zenoh.config import DEFAULT_ENDPOINT
 from pydantic import BaseModel, ConfigDict, Field
 
 from macor_hil.hardware.address import DEFAULT_PORT, DEFAULT_SEED, PortAddress

@@ -29,12 +29,15 @@ class Moment:
         features: features x, each in [0, 1], shape (M,).
         resonance: the situation that they were taken for.
         neuron: that situation, entered by the last command (i = k * m + a).
+        floor: inverse distance of the floor's end in each direction, shape (directions,), see
+            `FloorSeeing`; None: the eyes do not tell.
     """
 
     raw: Array
     features: Array
     resonance: Resonance
     neuron: int
+    floor: Array | None = None
 
     @property
     def node(self) -> int:

@@ -20,7 +20,7 @@ from khepera_protocol.zenoh.controller_payloads import (
 )
 
 from macor_hil.commands import COMMANDS
-from macor_hil.hardware.line_statistics import Reading
+from macor_hil.hardware.line.line_statistics import Reading
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.eyes.opponent import CHANNELS
 from macor_hil.mind.eyes.panorama import PanoramaEyes

@@ -17,14 +17,9 @@ from tempfile import TemporaryFile
 from typing import IO
 
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.controller_payloads import Decision
-from khepera_protocol.zenoh.payloads import (
-    CONTROLLER_ENDPOINT,
-    DEFAULT_ENDPOINT,
-    Outline,
-    Pose,
-    Reset,
-)
+from khepera_protocol.zenoh.payloads import Outline, Pose, Reset
 
 from macor_hil.errors import BenchError, MacorError
 from macor_hil.hardware.address import DEFAULT_SEED

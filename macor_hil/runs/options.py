@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from khepera_protocol.options import Cli
-from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT
 from pydantic import Field
 
 from macor_hil.hardware.cameras.camera_watch import DEFAULT_LIMIT

@@ -20,7 +20,7 @@ from khepera_emulator.arenas.arena_text import arena_text
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.wire_log import ROBOT, Recording, read_log
 from khepera_emulator.models import KHEPERA, MODELS, Model, find_model
-from khepera_emulator.paths import check_output
+from khepera_emulator.ports.paths import check_output
 from khepera_emulator.robot.options import RobotOptions
 from khepera_emulator.routes.layout import Difficulty, Kind
 from khepera_emulator.routes.variants import with_own_colours
@@ -130,7 +130,8 @@ def arenas(
         Path | None, typer.Option(metavar="FILE", help="TOML file to write the arena into.")
     ] = None,
     model: Annotated[
-        str, typer.Option(help=f"Robot that must fit: {' or '.join(MODELS)}.")
+        str,
+        typer.Option(help=f"Robot that must fit: {', '.join(MODELS.names())}; or file.py:MODEL."),
     ] = KHEPERA.name,
 ) -> None:
     """List the arenas that come with the emulator; or check, draw, vary or make one.
@@ -190,22 +191,26 @@ def replay(
             help="Requests whose replies may have other values, such as N,O,E,H.",
         ),
     ] = "",
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE.py:CLASS",
+            help="Code of its own, as a turret, that the log's robot may use; repeatable.",
+        ),
+    ] = None,
 ) -> None:
     """Play the requests of a wire log at their times, and compare the replies.
 
     Exit status: 0 if all are equal, 1 at the first difference, which is printed, 2 if the log is
     damaged: what stands before the damage is replayed all the same.
     """
-    import serial
-
-    import khepera_emulator  # noqa: F401 - registers khepera://
     from khepera_emulator.app.replay import Difference
     from khepera_emulator.app.replay import replay as play
 
     recording = read_log(file)
     url = port or _recorded_robot(file, recording)
     try:
-        with serial.serial_for_url(url, timeout=1.0) as line, _stopping(line):
+        with _line(url, allow or []) as line, _stopping(line):
             result = play(recording, line, [word.strip() for word in ignore.split(",")])
     except (OSError, ValueError) as error:
         raise EmulatorError(f"cannot replay on {url}: {error}") from None
@@ -215,6 +220,18 @@ def replay(
     typer.echo(f"{result} reply lines equal")
     if recording.damage:
         raise EmulatorError(f"{recording.damage}; only what stands before was replayed")
+
+
+def _line(url: str, allowed: list[str]) -> Any:
+    """Return a port that is not open yet; the robot of a log runs code that is allowed alone."""
+    import serial
+
+    import khepera_emulator  # noqa: F401 - registers khepera://
+
+    line = serial.serial_for_url(url, timeout=1.0, do_not_open=True)
+    if hasattr(line, "allowed"):
+        line.allowed = allowed
+    return line
 
 
 @contextmanager

@@ -26,8 +26,8 @@ from macor_hil.errors import (
     SilenceError,
 )
 from macor_hil.hardware.address import PortAddress
-from macor_hil.hardware.descriptors import let_pyserial_poll
-from macor_hil.hardware.stale_links import is_stale_link
+from macor_hil.hardware.line.descriptors import let_pyserial_poll
+from macor_hil.hardware.line.stale_links import is_stale_link
 
 LONGEST_REPLY: Final = 64
 """Characters of a line after which its end is not waited for: that of K has 35 at most."""
