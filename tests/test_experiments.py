@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from planning import square
 
-from macor_hil.cli import learning
+from macor_hil.cli import scoring
 from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
@@ -570,7 +570,7 @@ def test_the_command_line_names_the_page(
     recorded: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (untold(tiny(TABLE1)),))
-    learning.reproduce("all", seeds=1, workers=1, out=recorded)
+    scoring.reproduce("all", seeds=1, workers=1, out=recorded)
     said = capsys.readouterr()
     assert said.out == f"{recorded / 'report' / 'index.html'}\n"
     assert "table1" in said.err
