@@ -1,11 +1,13 @@
 """All experiments, in the order of the report."""
 
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import Final
 
 from khepera_protocol.extras import how_to_install
 
 from macor_hil.errors import MacorError
+from macor_hil.experiments.arenas import ARENAS
 from macor_hil.experiments.beyond import BEYOND
 from macor_hil.experiments.drift import DRIFT
 from macor_hil.experiments.experiment import Experiment
@@ -25,6 +27,7 @@ EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     BEYOND,
     GOALS,
     DRIFT,
+    ARENAS,
     PEERS,
 )
 
@@ -48,3 +51,16 @@ def find(name: str) -> tuple[Experiment, ...]:
                 f" {how_to_install('peers')}"
             )
     return found
+
+
+def quick(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
+    """Return experiments with settings that take minutes.
+
+    Raises:
+        MacorError: one of them has none.
+    """
+    for experiment in experiments:
+        if experiment.quick is None:
+            able = ", ".join(e.name for e in EXPERIMENTS if e.quick is not None)
+            raise MacorError(f"{experiment.name} has no quick form; these have: {able}")
+    return tuple(replace(experiment, settings=experiment.quick) for experiment in experiments)
