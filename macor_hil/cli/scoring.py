@@ -153,8 +153,8 @@ def reproduce(
     name: Annotated[
         str,
         typer.Argument(
-            help="figure2 to figure5 or table1 of the paper; beyond, goals, drift; peers, which"
-            " needs the extra of that name; or all but peers."
+            help="figure2 to figure5 or table1 of the paper; beyond, goals, drift, arenas; peers,"
+            " which needs the extra of that name; or all but peers."
         ),
     ],
     seeds: Annotated[int, typer.Option(min=1, help="Training seeds: 1 to this number.")] = 30,
@@ -182,6 +182,10 @@ def reproduce(
     out: Annotated[Path, typer.Option(help="For recordings, results and the report.")] = Path(
         "runs/reproduction"
     ),
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="Shorter trainings in fewer arenas: of arenas only."),
+    ] = False,
 ) -> None:
     """Run an experiment of the paper over many training seeds, and write a report page.
 
@@ -191,6 +195,8 @@ def reproduce(
         from macor_hil.experiments import catalogue
         from macor_hil.experiments.sweep import runner
     chosen = catalogue.with_planners(catalogue.find(name), planner or [])
+    if quick:
+        chosen = catalogue.quick(chosen)
     check_folder("--out", out)
     with (
         kept(lambda: f"what is done is kept in {out}; the same command goes on from there"),
