@@ -11,7 +11,7 @@ from macor_hil.cli import app
 from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue
 from macor_hil.experiments.arenas import ARENAS, ELSEWHERE, IN_PLACE, SYSTEMS, Settings
-from macor_hil.experiments.drives.arena_files import BUNDLED, Place
+from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
 from macor_hil.experiments.drives.course import Course
 from macor_hil.experiments.drives.training_drive import Drive
 from macor_hil.experiments.sweep.runner import reproduce
@@ -76,8 +76,8 @@ def test_arenas_are_names_or_files(tmp_path):
 
 def test_the_suite_has_every_bundled_arena():
     homes = ARENAS.settings.homes
-    assert {place.arena for place in homes if place.own_colours} == set(BUNDLED)
-    assert {place.arena for place in homes if not place.own_colours} > set(BUNDLED)
+    assert {place.arena for place in homes if place.own_colours} == set(bundled_arenas())
+    assert {place.arena for place in homes if not place.own_colours} > set(bundled_arenas())
     assert not set(ARENAS.settings.mixture) & set(ARENAS.settings.unseen)
 
 

@@ -16,7 +16,7 @@ from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
 from macor_hil.commands import COMMANDS
-from macor_hil.experiments.drives.arena_files import BUNDLED, Place
+from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
 from macor_hil.experiments.drives.course import (
     Course,
     System,
@@ -66,18 +66,20 @@ def _eyes_and_graded() -> MindSettings:
     return MindSettings(memories={name: Part(name) for name in memories})
 
 
+def _homes() -> tuple[Place, ...]:
+    bundled = (Place(name, own) for name in bundled_arenas() for own in (False, True))
+    return (*bundled, *map(Place, range(15)))  # each kind in each difficulty
+
+
 @dataclass(frozen=True)
 class Settings(Learning):
-    """Where systems are trained and driven."""
+    """Settings of the suite: trainings, arenas and trials."""
 
     drive: Drive = field(default_factory=lambda: Drive(brain=_eyes_and_graded()))
     """The training drive in each arena; of a mixture all drives together are as long."""
-    homes: tuple[Place, ...] = (
-        *(Place(name, own) for name in BUNDLED for own in (False, True)),
-        *map(Place, range(15)),  # each kind in each difficulty
-    )
-    """Where systems are trained and driven: all bundled arenas, each also with a colour of its own
-    on every wall, and generated ones."""
+    homes: tuple[Place, ...] = field(default_factory=_homes)
+    """Arenas of training and of trials: all bundled ones, each also with a colour of its own on
+    every wall, and generated ones."""
     mixture: tuple[int, ...] = tuple(range(100, 108))
     """Seeds of the generated arenas of the mixture."""
     unseen: tuple[int, ...] = tuple(range(15))

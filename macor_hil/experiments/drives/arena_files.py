@@ -2,15 +2,8 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
-from khepera_emulator.arenas.arena import arena_names, load_arena
-from khepera_emulator.arenas.arena_text import arena_text
-from khepera_emulator.routes.generator import generate
-from khepera_emulator.routes.variants import with_own_colours
 from macor_hil.mind.map_file import write_atomically
-
-BUNDLED: Final = tuple(sorted(arena_names()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +43,18 @@ class Place:
         return str(path)
 
     def _text(self) -> str:
+        from khepera_emulator.arenas.arena import load_arena
+        from khepera_emulator.arenas.arena_text import arena_text
+        from khepera_emulator.routes.generator import generate
+        from khepera_emulator.routes.variants import with_own_colours
+
         if isinstance(self.arena, int):
             return generate(self.arena, own_colours=self.own_colours).text
         return arena_text(with_own_colours(load_arena(self.arena)))
+
+
+def bundled_arenas() -> tuple[str, ...]:
+    """Return the names of the arenas that come with the emulator."""
+    from khepera_emulator.arenas.arena import arena_names
+
+    return tuple(sorted(arena_names()))
