@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from controller_helpers import ask, free_endpoint, wait_until_watched, watching
 from khepera_protocol.zenoh.controller_payloads import Decision
-from khepera_protocol.zenoh.keys import CAMERA, CONTROLLER, EMULATOR, KEYS
+from khepera_protocol.zenoh.keys import ARENA, CAMERA, CONTROLLER, EMULATOR, KEYS
 from khepera_protocol.zenoh.schema import schema_of
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
@@ -286,7 +286,7 @@ def test_a_replay_is_what_was_recorded(file):
     endpoint = free_endpoint()
     with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
         with open_session([], [endpoint]) as other, Player(other, "khepera") as player:
-            keys = [key for key in KEYS if key.published and key != CAMERA]
+            keys = [key for key in KEYS if key == ARENA or (key.published and key != CAMERA)]
             wait_until_watched(other, *(key.of("khepera") for key in keys))
             play(events[:-2], Followed(player, watcher), sleep=lambda _: None)
             watcher.follow(PATIENCE, until=lambda: watcher.watched.emulated.outline is not None)
