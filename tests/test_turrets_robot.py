@@ -164,7 +164,7 @@ def test_the_tool_serial_sets_the_rate_after_its_reply():
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ("turret=arm", "unknown turret 'arm'"),
+        ("turret=arm", "there is no turret 'arm'; there are gripper"),
         ("turret=radio&turret=radio", "twice"),
         ("firmware=fast", "unknown firmware option 'fast'"),
     ],

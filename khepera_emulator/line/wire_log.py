@@ -7,7 +7,7 @@ can be read; times are seconds on the robot's clock.
 import json
 import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fcntl import LOCK_EX, LOCK_NB, flock
@@ -16,7 +16,6 @@ from pathlib import Path
 from stat import S_ISREG
 from types import MappingProxyType, TracebackType
 from typing import Any, BinaryIO, Final, Literal, Self
-from urllib.parse import quote, urlencode
 
 from khepera_protocol.text import printable
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -31,9 +30,6 @@ _log = logging.getLogger(__name__)
 
 FORMAT: Final = "khepera-wire-log"
 VERSION: Final = 1
-
-ROBOT: Final = "khepera://"
-"""Beginning of the URL of an in-process robot."""
 
 _LONGEST_LINE: Final = 100_000
 """Bytes of a line, its end included: a chunk of a client's has four thousand."""
@@ -181,12 +177,6 @@ def _open_alone(path: str, flags: int) -> int:
         os.close(handle)
         raise
     return handle
-
-
-def robot_url(arena: str, options: Iterable[tuple[str, str]]) -> str:
-    """Return URL of an in-process robot; options that are empty are left out."""
-    query = urlencode([(name, value) for name, value in options if value], quote_via=quote)
-    return f"{ROBOT}{quote(arena, errors='surrogateescape')}" + (f"?{query}" if query else "")
 
 
 class _Moment(BaseModel):

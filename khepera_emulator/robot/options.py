@@ -5,9 +5,9 @@ header of a wire log and the pages of the reference follow from this model.
 """
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Annotated, Final, Self
-from urllib.parse import parse_qsl, unquote
+from urllib.parse import parse_qsl, quote, unquote, urlencode
 
 from khepera_protocol.options import Cli, from_strings, to_strings
 from khepera_protocol.text import printable, quoted
@@ -27,11 +27,13 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import FAULTS, split_kind
 from khepera_emulator.line.fault_text import parse_faults
 from khepera_emulator.line.uart import FIRST_RATE
-from khepera_emulator.line.wire_log import robot_url
 from khepera_emulator.models import KHEPERA, MODELS, find_model
 from khepera_emulator.robot.choices import option_names, parse_choices
 from khepera_emulator.robot.setup import DEFAULT_SEED, Setup
 from khepera_emulator.turrets.catalogue import TURRET_CLASSES, find_turrets
+
+ROBOT: Final = "khepera://"
+"""Beginning of the URL of an in-process robot."""
 
 HIGHEST_SEED: Final = 10**18 - 1
 
@@ -180,3 +182,9 @@ class UrlOptions(RobotOptions):
         pairs = [pair for pair in to_strings(self, defaults=True) if pair[0] not in hidden]
         # faults first, as in all logs
         return robot_url(self.arena, sorted(pairs, key=lambda pair: pair[0] != "fault"))
+
+
+def robot_url(arena: str, options: Iterable[tuple[str, str]]) -> str:
+    """Return the URL of an in-process robot; options that are empty are left out."""
+    query = urlencode([(name, value) for name, value in options if value], quote_via=quote)
+    return f"{ROBOT}{quote(arena, errors='surrogateescape')}" + (f"?{query}" if query else "")

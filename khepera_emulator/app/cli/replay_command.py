@@ -10,7 +10,8 @@ from khepera_protocol.options import Cli
 from pydantic import BaseModel, Field
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.wire_log import ROBOT, Recording, read_log
+from khepera_emulator.line.wire_log import Recording, read_log
+from khepera_emulator.robot.options import ROBOT
 
 _DIFFERENT: Final = 1
 
