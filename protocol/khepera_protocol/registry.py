@@ -89,13 +89,14 @@ class Registry:
         return found
 
     def _installed(self) -> dict[str, EntryPoint]:
-        return _entry_points(self.group, tuple(sys.path))
+        points = _entry_points(tuple(sys.path)).select(group=self.group)
+        return {point.name: point for point in points}
 
 
-@lru_cache
-def _entry_points(group: str, _path: tuple[str, ...]) -> dict[str, EntryPoint]:
-    """Return a group's entry points by name; all distributions are read once a search path."""
-    return {point.name: point for point in entry_points(group=group)}
+@lru_cache(maxsize=1)
+def _entry_points(_path: tuple[str, ...]) -> Any:  # of one type in 3.11, of another since
+    """Return the entry points of all distributions; they are read once a search path."""
+    return entry_points()
 
 
 def _module_of_file(path: Path) -> ModuleType:
