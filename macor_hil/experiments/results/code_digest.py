@@ -62,7 +62,8 @@ def code_of(function: Callable[..., Any], uses: Iterable[str] = ()) -> dict[str,
     own = function.__module__
     body = _reached(_statements(_text(own)), function.__name__)
     found = {own: _dump(body)}
-    todo = [*_imported(own, body), *_with_parents(_BY_SCHEME)]
+    around = own.rpartition(".")[0]
+    todo = [*_imported(own, body), *_with_parents(_BY_SCHEME), *_with_parents(around)]
     for place in uses:
         module = place.rpartition(":")[0]
         if module.partition(".")[0] in _PACKAGES:
