@@ -87,7 +87,8 @@ def test_settings_of_parts_are_kept_in_the_map(tmp_path: Path) -> None:
     more = [word for each in settings for word in ("--set", each)]
     memories = ("--memory", "transitions", "--memory", "q-learning", "--memory", "mine=transitions")
     path = tmp_path / "a.npz"
-    done("train", *SHORT, "--map", str(path), *more, *memories)
+    eyes = ("--eyes", "receptive-fields")
+    done("train", *SHORT, "--map", str(path), *eyes, *more, *memories)
     kept = load_map(path)[0].settings
     assert kept is not None
     assert (kept.clusterer, kept.eyes) == (

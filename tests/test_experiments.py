@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from planning import square
 
-from macor_hil.cli import learning
+from macor_hil.cli import scoring
 from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
@@ -244,6 +244,8 @@ def test_a_planner_gets_a_row_in_no_other_table() -> None:
         catalogue.with_planners([FIGURE2], ["graded"])
     with pytest.raises(MacorError, match="no planner 'bold'"):
         catalogue.with_planners([TABLE1], ["bold"])
+    with pytest.raises(MacorError, match="reads the memory 'foresight', which the systems"):
+        catalogue.with_planners([TABLE1], ["foresight"])
 
 
 def test_results_are_json_lines_by_seed(sweep: Path) -> None:
@@ -570,7 +572,7 @@ def test_the_command_line_names_the_page(
     recorded: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (untold(tiny(TABLE1)),))
-    learning.reproduce("all", seeds=1, workers=1, out=recorded)
+    scoring.reproduce(name="all", seeds=1, workers=1, out=recorded)
     said = capsys.readouterr()
     assert said.out == f"{recorded / 'report' / 'index.html'}\n"
     assert "table1" in said.err

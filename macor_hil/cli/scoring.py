@@ -19,6 +19,7 @@ from macor_hil.cli.paths import check_folder
 from macor_hil.errors import MacorError
 from macor_hil.hardware.bench import Bench
 from macor_hil.hardware.driver import Driver, DriveSettings
+from macor_hil.hardware.options import Options
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import PLANNERS, memory_for
 from macor_hil.mind.map_file import load_map
@@ -51,6 +52,32 @@ class ScoredPlanners(PartSettings):
         for _, planner in made if self.planner else ():
             memory_for(brain, planner)
         return [name for name, planner in made if planner.memory in brain.memories]
+
+
+class ReproduceOptions(Options):
+    """An experiment over many training seeds."""
+
+    name: Annotated[str, Cli(argument=True)] = Field(
+        description="figure2 to figure5 or table1 of the paper; beyond, goals, drift; peers, which"
+        " needs the extra of that name; or all but peers."
+    )
+    seeds: int = Field(default=30, ge=1, description="Training seeds: 1 to this number.")
+    workers: Annotated[int | None, Cli(show_default="one for each processor")] = Field(
+        default=None, ge=1, description="Processes to share the work."
+    )
+    cluster: Annotated[str | None, Cli(metavar="ADDRESS")] = Field(
+        default=None,
+        description="Scheduler of a dask cluster that does the work instead, such as"
+        " tcp://127.0.0.1:8786; its workers share the folder of --out.",
+    )
+    planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names)] = Field(
+        default=(),
+        description="A planner that gets a row of its own in table 1: {names}, module:Class or"
+        " file.py:Class. It reads a memory that the table's systems learn.",
+    )
+    out: Path = Field(
+        default=Path("runs/reproduction"), description="For recordings, results and the report."
+    )
 
 
 @app.command(epilog="[cyan]macor-hil trials --map runs/corridor.npz --trials 20[/cyan]")
@@ -149,40 +176,8 @@ def _starts(possible: list[Possible]) -> str:
 
 
 @app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10[/cyan]")
-def reproduce(
-    name: Annotated[
-        str,
-        typer.Argument(
-            help="figure2 to figure5 or table1 of the paper; beyond, goals, drift; peers, which"
-            " needs the extra of that name; or all but peers."
-        ),
-    ],
-    seeds: Annotated[int, typer.Option(min=1, help="Training seeds: 1 to this number.")] = 30,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Processes to share the work.", show_default="one for each processor"
-        ),
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Scheduler of a dask cluster that does the work instead, such as"
-            " tcp://127.0.0.1:8786; its workers share the folder of --out.",
-        ),
-    ] = None,
-    planner: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="A planner that gets a row of its own in table 1: a name, module:Class or"
-            " file.py:Class. It reads one of the memories that the table's systems learn."
-        ),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="For recordings, results and the report.")] = Path(
-        "runs/reproduction"
-    ),
-) -> None:
+@takes(ReproduceOptions)
+def reproduce(options: ReproduceOptions) -> None:
     """Run an experiment of the paper over many training seeds, and write a report page.
 
     What is done stays done: a run that was interrupted goes on when started again.
@@ -190,7 +185,8 @@ def reproduce(
     with extra("experiments"):
         from macor_hil.experiments import catalogue
         from macor_hil.experiments.sweep import runner
-    chosen = catalogue.with_planners(catalogue.find(name), planner or [])
+    out = options.out
+    chosen = catalogue.with_planners(catalogue.find(options.name), options.planner)
     check_folder("--out", out)
     with (
         kept(lambda: f"what is done is kept in {out}; the same command goes on from there"),
@@ -203,5 +199,6 @@ def reproduce(
                 tasks[what] = bars.add_task(what, total=of)
             bars.update(tasks[what], completed=done)
 
-        page = runner.reproduce(chosen, seeds, workers or runner.ALL, out, watch, cluster)
+        workers = options.workers or runner.ALL
+        page = runner.reproduce(chosen, options.seeds, workers, out, watch, options.cluster)
     typer.echo(str(page))

@@ -15,6 +15,7 @@ import numpy as np
 from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
+from macor_hil.errors import MacorError
 from macor_hil.experiments.drives.course import (
     Course,
     System,
@@ -102,12 +103,17 @@ def with_planners(table: Experiment, planners: Sequence[str]) -> Experiment:
     """Return the table with a row for each of other planners, whose results are kept apart.
 
     Raises:
-        MacorError: there is no such planner.
+        MacorError: there is no such planner, or it reads a memory that is not learned here.
     """
     known = {field.name: getattr(table.settings, field.name) for field in fields(table.settings)}
     also = []
+    learned = {make_planner(name).memory for name in SYSTEMS}
     for name in planners:
-        make_planner(name)
+        if (memory := make_planner(name).memory) not in learned:
+            raise MacorError(
+                f"the planner {name} reads the memory {memory!r}, which the systems of the table do"
+                f" not learn; they learn {', '.join(sorted(learned))}"
+            )
         settings = PlannerSettings(**known, planners=(name,))
         also.append(
             Experiment(

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -88,7 +89,14 @@ class Registry:
         return found
 
     def _installed(self) -> dict[str, EntryPoint]:
-        return {point.name: point for point in entry_points(group=self.group)}
+        points = _entry_points(tuple(sys.path)).select(group=self.group)
+        return {point.name: point for point in points}
+
+
+@lru_cache(maxsize=1)
+def _entry_points(_path: tuple[str, ...]) -> Any:  # of one type in 3.11, of another since
+    """Return the entry points of all distributions; they are read once a search path."""
+    return entry_points()
 
 
 def _module_of_file(path: Path) -> ModuleType:

@@ -1,11 +1,12 @@
 """Columns and activities, alternatives, reinforcement over time, infrared around the robot."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from math import cos, radians, sin
 from typing import Final
 
 from khepera_protocol.serial.commands import SENSOR_BEARINGS, SENSORS
 from khepera_protocol.serial.units import PROXIMITY_FULL
-from khepera_protocol.zenoh.controller_payloads import Decision, Learned
+from khepera_protocol.zenoh.controller_payloads import Ahead, Decision, Learned
 
 from macor_hil.monitor.dashboard.svg import (
     BAD,
@@ -39,71 +40,76 @@ def columns(decision: Decision | None, learned: Learned | None) -> str:
         return drawing(660, 40, title="no activity yet")
     names = [command.name for command in learned.commands]
     count, rows = min(max(learned.situations, 1), _MOST_COLUMNS), len(names)
-    shapes = []
     activities = [*decision.activities, *[0.0] * (count * rows)][: count * rows]
-    for neuron, activity in enumerate(activities):
-        node, row = divmod(neuron, rows)
-        shapes.append(
-            element(
-                "rect",
-                tip(f"situation {node}, {names[row]}: {activity:.3f}"),
-                x=_LEFT + node * _CELL,
-                y=row * _CELL,
-                width=_CELL - 1.5,
-                height=_CELL - 1.5,
-                rx=2,
-                fill=heat(activity),
-                data_kind="neuron",
-            )
-        )
-    for number, step in enumerate(decision.sequence_ahead, 1):
-        if step.command in names and step.node < count:
-            x = _LEFT + (step.node + 0.44) * _CELL
-            y = (names.index(step.command) + 0.72) * _CELL
-            shapes.append(
-                label(
-                    x,
-                    y,
-                    str(number),
-                    font_size=8,
-                    fill=BEST,
-                    text_anchor="middle",
-                    font_weight="bold",
-                    stroke="#10141d",
-                    stroke_width=1.6,
-                    paint_order="stroke",
-                )
-            )
-    node, row = divmod(decision.situation.neuron, rows)
-    if node < count:
-        shapes.append(
-            element(
-                "rect",
-                x=_LEFT + node * _CELL - 1,
-                y=row * _CELL - 1,
-                width=_CELL + 0.5,
-                height=_CELL + 0.5,
-                rx=3,
-                fill="none",
-                stroke=INK,
-                stroke_width=1.6,
-            )
-        )
-    for row, name in enumerate(names):
-        shapes.append(label(_LEFT - 6, (row + 0.75) * _CELL, name, font_size=9, text_anchor="end"))
-    y = (rows + 0.9) * _CELL
-    shapes += [
-        label(_LEFT + (node + 0.44) * _CELL, y, str(node), font_size=8, text_anchor="middle")
-        for node in range(0, count, 5)
-    ]
     active = sum(activity > 0.0 for activity in activities)
+    width, height = _LEFT + count * _CELL + 2, (rows + 1.2) * _CELL
     return drawing(
-        _LEFT + count * _CELL + 2,
-        (rows + 1.2) * _CELL,
-        *shapes,
+        width,
+        height,
+        *(_neuron(*divmod(k, rows), names, activity) for k, activity in enumerate(activities)),
+        *_numbers(decision.sequence_ahead, names, count),
+        *_ring(*divmod(decision.situation.neuron, rows), count),
+        *_axes(names, count),
         title=f"{active} of {count * rows} neurons active",
-        viewBox=f"0 -2 {_LEFT + count * _CELL + 2:g} {(rows + 1.2) * _CELL + 2:g}",
+        viewBox=f"0 -2 {width:g} {height + 2:g}",
     )
+
+
+def _neuron(node: int, row: int, names: Sequence[str], activity: float) -> str:
+    return element(
+        "rect",
+        tip(f"situation {node}, {names[row]}: {activity:.3f}"),
+        x=_LEFT + node * _CELL,
+        y=row * _CELL,
+        width=_CELL - 1.5,
+        height=_CELL - 1.5,
+        rx=2,
+        fill=heat(activity),
+        data_kind="neuron",
+    )
+
+
+def _numbers(ahead: Iterable[Ahead], names: Sequence[str], count: int) -> Iterator[str]:
+    """Yield the numbers of a sequence's steps, each in its neuron."""
+    for number, step in enumerate(ahead, 1):
+        if step.command in names and step.node < count:
+            yield label(
+                _LEFT + (step.node + 0.44) * _CELL,
+                (names.index(step.command) + 0.72) * _CELL,
+                str(number),
+                font_size=8,
+                fill=BEST,
+                text_anchor="middle",
+                font_weight="bold",
+                stroke="#10141d",
+                stroke_width=1.6,
+                paint_order="stroke",
+            )
+
+
+def _ring(node: int, row: int, count: int) -> Iterator[str]:
+    """Yield the ring around a neuron, if that is drawn."""
+    if node < count:
+        yield element(
+            "rect",
+            x=_LEFT + node * _CELL - 1,
+            y=row * _CELL - 1,
+            width=_CELL + 0.5,
+            height=_CELL + 0.5,
+            rx=3,
+            fill="none",
+            stroke=INK,
+            stroke_width=1.6,
+        )
+
+
+def _axes(names: Sequence[str], count: int) -> Iterator[str]:
+    """Yield the names of the rows, and the numbers of every fifth column."""
+    for row, name in enumerate(names):
+        yield label(_LEFT - 6, (row + 0.75) * _CELL, name, font_size=9, text_anchor="end")
+    y = (len(names) + 0.9) * _CELL
+    for node in range(0, count, 5):
+        yield label(_LEFT + (node + 0.44) * _CELL, y, str(node), font_size=8, text_anchor="middle")
 
 
 def alternatives(decision: Decision | None) -> str:
