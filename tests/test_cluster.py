@@ -8,8 +8,8 @@ import pytest
 from macor_hil.errors import MacorError
 from macor_hil.experiments.drives.course import Course
 from macor_hil.experiments.drives.training_drive import Drive
+from macor_hil.experiments.paper.table1 import TABLE1
 from macor_hil.experiments.sweep.runner import reproduce
-from macor_hil.experiments.table1 import TABLE1
 from macor_hil.mind.settings import MindSettings
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")

@@ -31,15 +31,15 @@ from macor_hil.experiments.drives.training_drive import (
     record,
 )
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.figure2 import FIGURE2
-from macor_hil.experiments.figure3 import FIGURE3
-from macor_hil.experiments.figure4 import FIGURE4
+from macor_hil.experiments.paper.figure2 import FIGURE2
+from macor_hil.experiments.paper.figure3 import FIGURE3
+from macor_hil.experiments.paper.figure4 import FIGURE4
+from macor_hil.experiments.paper.table1 import FIGURE5, TABLE1, with_planners
 from macor_hil.experiments.report.elements import Table
 from macor_hil.experiments.results import code_digest as sources
 from macor_hil.experiments.results.code_digest import bare_code, code_of, digest
 from macor_hil.experiments.results.store import ResultsFile, only_one
 from macor_hil.experiments.sweep.runner import COSTS, reproduce
-from macor_hil.experiments.table1 import FIGURE5, TABLE1, with_planners
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.catalogue import build_brain, whereabouts
@@ -367,7 +367,7 @@ def test_all_code_counts_that_an_experiment_loads_but_its_report(name: str) -> N
     loaded = loaded_by(f"import {experiment.trial.__module__}")
     assert "macor_hil.runs.training" in loaded
     counted = set(code_of(experiment.trial, whereabouts(experiment.settings.drive.brain)))
-    assert loaded - counted <= REPORTS | {"macor_hil.experiments.table1"}
+    assert loaded - counted <= REPORTS | {"macor_hil.experiments.paper.table1"}
     assert not counted & REPORTS
 
 
@@ -400,14 +400,14 @@ def longer(name: str) -> Callable[[str], str]:
         ("macor_hil/experiments/drives/systems.py", longer("learn_all"), False, True),
         ("macor_hil/mind/planners/expected.py", extended, False, True),
         ("macor_hil/mind/memories/q_map.py", extended, False, True),
-        ("macor_hil/experiments/table1.py", longer("trial"), False, True),
-        ("macor_hil/experiments/table1.py", longer("draw_table"), False, False),
-        ("macor_hil/experiments/table1.py", longer("tell_figure"), False, False),
-        ("macor_hil/experiments/table1.py", extended, False, False),
+        ("macor_hil/experiments/paper/table1.py", longer("trial"), False, True),
+        ("macor_hil/experiments/paper/table1.py", longer("draw_table"), False, False),
+        ("macor_hil/experiments/paper/table1.py", longer("tell_figure"), False, False),
+        ("macor_hil/experiments/paper/table1.py", extended, False, False),
         ("macor_hil/experiments/report/drawing.py", extended, False, False),
         ("macor_hil/experiments/report/statistics.py", extended, False, False),
         ("macor_hil/experiments/sweep/pages.py", extended, False, False),
-        ("macor_hil/experiments/figure2.py", longer("trial"), False, False),
+        ("macor_hil/experiments/paper/figure2.py", longer("trial"), False, False),
         ("macor_hil/mind/clusterers/neural_gas.py", extended, False, False),
         ("macor_hil/monitor/pictures.py", extended, False, False),
         ("macor_hil/telemetry/ros2/bridge.py", extended, False, False),

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from controller_helpers import ask, free_endpoint, wait_until_watched, watching
 from khepera_protocol.zenoh.controller_payloads import Decision
-from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
+from khepera_protocol.zenoh.keys import ARENA, CAMERA, CONTROLLER, EMULATOR, KEYS
 from khepera_protocol.zenoh.schema import schema_of
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
@@ -267,9 +267,15 @@ class Followed:
 
     def publish(self, event):
         self.player.publish(event)
-        if isinstance(event, Arrival) and event.leaf == "decision":
+        if isinstance(event, Presence):
+            self.watcher.follow(PATIENCE, until=lambda: self._alive(event.side) == event.alive)
+        elif event.leaf == "decision":
             self.shown += 1
             self.watcher.follow(PATIENCE, until=self._followed)
+
+    def _alive(self, side):
+        watched = self.watcher.watched
+        return (watched.emulated if side == EMULATOR else watched.controlled).alive
 
     def _followed(self):
         return len(self.watcher.watched.controlled.history) == self.shown
@@ -280,7 +286,8 @@ def test_a_replay_is_what_was_recorded(file):
     endpoint = free_endpoint()
     with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
         with open_session([], [endpoint]) as other, Player(other, "khepera") as player:
-            wait_until_watched(other, "macor/khepera/decision")
+            keys = [key for key in KEYS if key == ARENA or (key.published and key != CAMERA)]
+            wait_until_watched(other, *(key.of("khepera") for key in keys))
             play(events[:-2], Followed(player, watcher), sleep=lambda _: None)
             watcher.follow(PATIENCE, until=lambda: watcher.watched.emulated.outline is not None)
             for event in events[-2:]:

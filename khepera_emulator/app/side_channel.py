@@ -26,7 +26,6 @@ from khepera_protocol.zenoh.keys import (
     CAMERA,
     EMULATOR,
     EMULATOR_ALIVE,
-    EMULATOR_KEYS,
     RESET,
     TRUTH,
     WIRE,
@@ -114,30 +113,28 @@ class SideChannel:
                 if beside
                 else stack.enter_context(open_zenoh(listen, connect, config))
             )
-            session = self._session
             self.tap = WireTap()
             answers = {**_ANSWERS, WIRE: lambda _, __: _json(self.tap.since(0))}
-            offered = _HARMLESS if looking else {*answers}
-            for key in EMULATOR_KEYS:
-                if key in offered:
-                    replier = _Replier(session, robot, key, answers[key])
-                    queryable = session.declare_queryable(replier.name, self._enqueue(replier))
-                    # the session may live on: that of a channel beside this one
-                    stack.callback(queryable.undeclare)
+            streams: dict[Key, tuple[float, Callable[[Emulator], Content | None]]] = {
+                CAMERA: (camera_rate, lambda emulator: _camera(emulator, _JPEG_FRAME)),
+                TRUTH: (TRUTH_RATE, lambda emulator: _json(emulator.truth())),
+                WIRE: (WIRE_RATE, _fresh_entries(self.tap)),
+            }
+            offered = [key for key in answers if key in _HARMLESS or not looking]
             # streams of one rate are due together: one wake-up for all of them
             start = time.monotonic()
             self._streams = [
-                _Stream(start, SampleWriter(session, key, robot), session, rate, content)
-                for key, rate, content in (
-                    (CAMERA, camera_rate, lambda emulator: _camera(emulator, _JPEG_FRAME)),
-                    (TRUTH, TRUTH_RATE, lambda emulator: _json(emulator.truth())),
-                    (WIRE, WIRE_RATE, _fresh_entries(self.tap)),
+                _Stream(
+                    start, SampleWriter(self._session, key, robot), self._session, *streams[key]
                 )
+                for key in streams
                 if key in offered
             ]
             for stream in self._streams:
                 stack.callback(stream.close)
-            alive = session.liveliness().declare_token(EMULATOR_ALIVE.of(robot))
+            for key in offered:
+                self._answer(stack, _Replier(self._session, robot, key, answers[key]))
+            alive = self._session.liveliness().declare_token(EMULATOR_ALIVE.of(robot))
             stack.callback(alive.undeclare)
             self._stack = stack.pop_all()
 
@@ -167,7 +164,9 @@ class SideChannel:
         for stream in self._streams:
             stream.publish_if_due(emulator)
 
-    def _enqueue(self, replier: "_Replier") -> Callable[[zenoh.Query], None]:
+    def _answer(self, stack: ExitStack, replier: "_Replier") -> None:
+        """Answer the queries on a key until the stack ends."""
+
         def enqueue(query: zenoh.Query) -> None:
             if len(self._waiting) >= _MOST_WAITING:
                 with query:
@@ -176,7 +175,9 @@ class SideChannel:
             self._waiting.append((replier, query))
             self._wake.ring()
 
-        return enqueue
+        queryable = self._session.declare_queryable(replier.name, enqueue)
+        # the session may live on: that of a channel beside this one
+        stack.callback(queryable.undeclare)
 
 
 class _Guard:

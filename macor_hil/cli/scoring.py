@@ -58,8 +58,8 @@ class ReproduceOptions(Options):
     """An experiment over many training seeds."""
 
     name: Annotated[str, Cli(argument=True)] = Field(
-        description="figure2 to figure5 or table1 of the paper; beyond, goals, drift; peers, which"
-        " needs the extra of that name; or all but peers."
+        description="figure2 to figure5 or table1 of the paper; beyond, goals, drift, arenas;"
+        " peers, which needs the extra of that name; or all but peers."
     )
     seeds: int = Field(default=30, ge=1, description="Training seeds: 1 to this number.")
     workers: Annotated[int | None, Cli(show_default="one for each processor")] = Field(
@@ -77,6 +77,9 @@ class ReproduceOptions(Options):
     )
     out: Path = Field(
         default=Path("runs/reproduction"), description="For recordings, results and the report."
+    )
+    quick: bool = Field(
+        default=False, description="Shorter trainings in fewer arenas: of arenas only."
     )
 
 
@@ -187,6 +190,8 @@ def reproduce(options: ReproduceOptions) -> None:
         from macor_hil.experiments.sweep import runner
     out = options.out
     chosen = catalogue.with_planners(catalogue.find(options.name), options.planner)
+    if options.quick:
+        chosen = catalogue.quick(chosen)
     check_folder("--out", out)
     with (
         kept(lambda: f"what is done is kept in {out}; the same command goes on from there"),

@@ -1,6 +1,6 @@
 """The interface of all experiments."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -9,6 +9,9 @@ from matplotlib.figure import Figure
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.report.elements import Element
 from macor_hil.experiments.results.store import Result, Results
+
+Row = Mapping[str, str | int | float]
+"""A row of a CSV file by its columns."""
 
 
 class Settings(Protocol):
@@ -43,6 +46,8 @@ class Experiment:
         also: experiments whose trials are shown beside its own.
         peer: another implementation that it compares with, of the extra `peers`; such an
             experiment runs when it is asked for by its name.
+        quick: settings with which it takes minutes; None: there are none.
+        rows: the results as tidy rows of a CSV file beside the report; None: there is no such file.
     """
 
     name: str
@@ -55,6 +60,8 @@ class Experiment:
     most_seeds: int | None = None
     also: tuple["Experiment", ...] = ()
     peer: str | None = None
+    quick: Any = None
+    rows: Callable[[Any, Results], Iterable[Row]] | None = None
 
     @property
     def kept_as(self) -> str:

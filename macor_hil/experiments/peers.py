@@ -33,16 +33,16 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.drawing import draw_seeds
-from macor_hil.experiments.report.elements import Element, Picture, Table, Text
-from macor_hil.experiments.report.statistics import Order, estimate, mean, order
-from macor_hil.experiments.results.store import TOOK, Result, Results
-from macor_hil.experiments.table1 import (
+from macor_hil.experiments.paper.table1 import (
     order_table,
     per_seed,
     reinforcement_a_step,
     trials_of,
 )
+from macor_hil.experiments.report.drawing import draw_seeds
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.statistics import Order, estimate, mean, order
+from macor_hil.experiments.results.store import TOOK, Result, Results
 
 FALCON: Final = "TD-FALCON"
 OWN: Final = (REACTIVE, ANTICIPATIVE, Q, GRADED)

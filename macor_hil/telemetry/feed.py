@@ -159,7 +159,8 @@ class Feed:
         self._camera_on = False
         with ExitStack() as stack:
             for key in KEYS:
-                if key.published and key != CAMERA:
+                # the arena is asked for, but a recording that is played tells it later
+                if (key.published or key == ARENA) and key != CAMERA:
                     stack.enter_context(self._subscriber(key))
             for side in _QUERIED:
                 token = session.liveliness().declare_subscriber(

@@ -1,6 +1,6 @@
 """Systems, a brain and a planner each, learned from a recording and driven live on a course."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import radians
@@ -13,12 +13,14 @@ from macor_hil.commands import FIRST_COMMAND
 from macor_hil.errors import BenchError
 from macor_hil.experiments.drives.training_drive import PUT_DOWN, Recording
 from macor_hil.hardware.bench import Bench
+from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS, LitCamera
 from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.planners.planner import Planner
 from macor_hil.runs.agent import Agent
+from macor_hil.runs.possible import Possible, judge
 from macor_hil.runs.trials import MAX_COMMANDS, Spread, Trial, run_trial
 
 
@@ -70,6 +72,8 @@ class Course:
     """and degrees."""
     anywhere: bool = False
     """Starts are free places anywhere in the arena instead."""
+    light: str = AS_TRAINED
+    """Light in which they are driven, by its name in `cameras.light`."""
 
     def spread(self) -> Spread:
         """Return the spread of starts, in metres and radians."""
@@ -94,8 +98,20 @@ class Track:
         Raises:
             RobotError, CameraError, BenchError: the hardware or the emulator fails.
         """
-        agent = Agent(system.brain, Driver(self._hardware.robot), self._hardware.camera)
+        camera = self._hardware.camera
+        if self._course.light != AS_TRAINED:
+            camera = LitCamera(camera, LIGHTS[self._course.light])
+        agent = Agent(system.brain, Driver(self._hardware.robot), camera)
         return [self._trial(agent, system.planner, seed, k) for k in range(self._course.trials)]
+
+    def possible(self, trials: Sequence[Trial]) -> list[Possible]:
+        """Return what was possible from the start of each trial.
+
+        Raises:
+            BenchError: the emulator does not answer.
+        """
+        tell = judge(self._bench, self._course.commands)
+        return [tell(one.path[0]) for one in trials]
 
     def _trial(self, agent: Agent, planner: Planner, seed: int, number: int) -> Trial:
         rng = np.random.default_rng([seed, number])

@@ -1,7 +1,7 @@
 """The systems of table 1 and those beyond the paper, all learned from one recording."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from macor_hil.commands import COMMANDS
@@ -9,12 +9,15 @@ from macor_hil.experiments.drives.course import System, relearn
 from macor_hil.experiments.drives.training_drive import Recording
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.eyes.eyes import FloorSeeing
+from macor_hil.mind.memories.foresight import ForesightMemory
 from macor_hil.mind.memories.graded import GradedMemory, GradedSituations
 from macor_hil.mind.memories.memory import Memory
 from macor_hil.mind.memories.q_map import QMap
 from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
 from macor_hil.mind.planners.anticipative import Anticipative
 from macor_hil.mind.planners.expected import Expected
+from macor_hil.mind.planners.foresight import Foresight
 from macor_hil.mind.planners.graded import Graded
 from macor_hil.mind.planners.planner import Planner
 from macor_hil.mind.planners.q_learning import QLearning, WeakQLearning
@@ -27,6 +30,7 @@ Q: Final = "q-learning"
 WEAK: Final = "weak-q-learning"
 EXPECTED: Final = "expected"
 GRADED: Final = "graded"
+FORESIGHT: Final = "foresight"
 
 _PLANNERS: Final[Mapping[str, Callable[[], Planner]]] = {
     REACTIVE: Reactive,
@@ -75,6 +79,20 @@ def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:
     brain = Brain(eyes, art, memories, learning.reinforcement)
     relearn(brain, recording)
     return {name: System(brain, make()) for name, make in _PLANNERS.items()}
+
+
+def learn_foresight(brain: Brain, recording: Recording) -> System:
+    """Learn the foresight system from a recording of eyes that see where the floor ends.
+
+    Args:
+        brain: one that has learned its situations from the same recording.
+        recording: of a drive.
+    """
+    assert isinstance(brain.eyes, FloorSeeing)
+    memory = ForesightMemory(brain.eyes.directions)
+    foreseeing = replace(brain, memories={FORESIGHT: memory})
+    relearn(foreseeing, recording, situations=False)
+    return System(foreseeing, Foresight())
 
 
 def situations_of(recording: Recording) -> GradedSituations:

@@ -1,9 +1,10 @@
 """The report, made from results alone: a page of HTML and one of Markdown, pictures beside them."""
 
 from collections.abc import Iterable, Sequence
+from csv import DictWriter
 from dataclasses import dataclass
 from html import escape
-from io import BytesIO
+from io import BytesIO, StringIO
 from itertools import starmap
 from pathlib import Path
 from string import Template
@@ -78,6 +79,7 @@ def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str
     cost = _cost_table(costs)
     for chapter in chapters:
         _draw(folder, chapter)
+        _write_rows(folder, chapter)
     page = folder / "index.html"
     links = (f'<a href="#{e.name}">{escape(e.title)}</a>' for e, _ in told)
     text = _PAGE.substitute(
@@ -103,6 +105,19 @@ def _draw(folder: Path, chapter: Chapter) -> None:
         buffer = BytesIO()
         figure.savefig(buffer, format="png", dpi=110)
         write_atomically(folder / _file(experiment.name, name), buffer.getvalue())
+
+
+def _write_rows(folder: Path, chapter: Chapter) -> None:
+    experiment = chapter.experiment
+    if experiment.rows is None:
+        return
+    rows = list(experiment.rows(experiment.settings, chapter.results))
+    text = StringIO()
+    if rows:
+        writer = DictWriter(text, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    write_atomically(folder / f"{experiment.name}.csv", text.getvalue().encode())
 
 
 def _chapter(experiment: Experiment, elements: Sequence[Element]) -> str:

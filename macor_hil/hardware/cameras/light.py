@@ -41,9 +41,11 @@ def fog(share: float) -> Light:
     return Light(haze=255 * (1 - share) / 2)
 
 
+AS_TRAINED: Final = "as trained"
+
 LIGHTS: Final = MappingProxyType(
     {
-        "as trained": Light(),
+        AS_TRAINED: Light(),
         "dim": brightness(0.8),
         "bright": brightness(1.2),
         "warm": Light(blue=0.8, red=1.1),

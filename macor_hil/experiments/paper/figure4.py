@@ -7,7 +7,7 @@ All other experimental configuration is the same as before."
 
 from typing import Final
 
-from macor_hil.experiments.figure3 import Settings, differences, make, side_by_side
+from macor_hil.experiments.paper.figure3 import Settings, differences, make, side_by_side
 from macor_hil.experiments.report.elements import Element, Text
 from macor_hil.experiments.results.store import Results
 

@@ -1,0 +1,60 @@
+"""Arenas of a suite, for ports: bundled ones, and those that are generated, as files."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from macor_hil.mind.map_file import write_atomically
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """An arena of the suite.
+
+    Attributes:
+        arena: a bundled arena, or the seed of a generated one.
+        own_colours: whether every wall has a colour of its own.
+    """
+
+    arena: str | int
+    own_colours: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name in tables."""
+        return self.arena if isinstance(self.arena, str) else f"generated-{self.arena}"
+
+    @property
+    def look(self) -> str:
+        """Colours of its walls, in words."""
+        return "own colours" if self.own_colours else "as it is"
+
+    def file(self, folder: Path) -> str:
+        """Return the arena for a port: its name, or the path of a file that is written now.
+
+        Raises:
+            EmulatorError: there is no such arena.
+            MacorError: the folder cannot be written to.
+        """
+        if isinstance(self.arena, str) and not self.own_colours:
+            return self.arena
+        path = folder / f"{self.name}{'-own-colours' if self.own_colours else ''}.toml"
+        if not path.exists():
+            write_atomically(path, self._text().encode())
+        return str(path)
+
+    def _text(self) -> str:
+        from khepera_emulator.arenas.arena import load_arena
+        from khepera_emulator.arenas.arena_text import arena_text
+        from khepera_emulator.routes.generator import generate
+        from khepera_emulator.routes.variants import with_own_colours
+
+        if isinstance(self.arena, int):
+            return generate(self.arena, own_colours=self.own_colours).text
+        return arena_text(with_own_colours(load_arena(self.arena)))
+
+
+def bundled_arenas() -> tuple[str, ...]:
+    """Return the names of the arenas that come with the emulator."""
+    from khepera_emulator.arenas.arena import arena_names
+
+    return tuple(sorted(arena_names()))
