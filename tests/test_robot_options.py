@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.app import serving
-from khepera_emulator.app.cli import app
+from khepera_emulator.app.cli.commands import app
 from khepera_emulator.app.options import LineOptions, ZenohOptions
 from khepera_emulator.line.wire_log import WireLog, read_log
 from khepera_emulator.robot.options import HIGHEST_SEED, RobotOptions, UrlOptions
