@@ -35,7 +35,7 @@ def browser():
         yield driver
 
 
-def visit(browser, address):
+def visit(browser, address) -> None:
     """Open a page as soon as it is served."""
     from selenium.common.exceptions import WebDriverException
 
@@ -73,7 +73,7 @@ def shows(selector, number):
     return found
 
 
-def test_a_robot_appears_drives_goes_and_comes_again(browser):
+def test_a_robot_appears_drives_goes_and_comes_again(browser) -> None:
     endpoint = free_endpoint()
     life = a_life()
     with (
@@ -118,14 +118,14 @@ main()
 """
 
 
-def test_a_page_whose_drawing_fails_says_so(browser):
+def test_a_page_whose_drawing_fails_says_so(browser) -> None:
     with dashboard("--connect", free_endpoint(), code=BROKEN) as address:
         visit(browser, address)
         until(browser, says("the page failed 1 times, please report it: ZeroDivisionError"))
         assert says("waiting for a robot")(browser)
 
 
-def test_every_page_plays_a_recording_for_itself(browser, recording):
+def test_every_page_plays_a_recording_for_itself(browser, recording) -> None:
     with dashboard(str(recording)) as address:
         visit(browser, address)
         until(browser, says("of 40 commands"))
@@ -148,7 +148,7 @@ def hosts(browser):
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory):
+def recording(tmp_path_factory: pytest.TempPathFactory):
     from macor_hil.telemetry.recordings.recording import Recorder
 
     path = tmp_path_factory.mktemp("recording") / "drive.mcap"
@@ -158,11 +158,11 @@ def recording(tmp_path_factory):
     return path
 
 
-def test_a_recording_is_scrubbed_by_keyboard(browser, recording):
+def test_a_recording_is_scrubbed_by_keyboard(browser, recording) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
 
-    def press(key):
+    def press(key) -> None:
         ActionChains(browser).send_keys(key).perform()
 
     with dashboard(str(recording)) as address:
@@ -189,7 +189,7 @@ def text_of_button(driver):
 
 
 @pytest.mark.parametrize("width", [360, 1500])
-def test_nothing_is_wider_than_the_screen(browser, recording, width):
+def test_nothing_is_wider_than_the_screen(browser, recording, width: int) -> None:
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False},

@@ -6,6 +6,7 @@ import sys
 from contextlib import suppress
 from dataclasses import replace
 from math import inf, nan, pi
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -37,7 +38,7 @@ free = { points = [[0.0, 0.0], [0.1, 0.0]], half_width = 0.1 }
 
 
 @pytest.fixture(scope="module")
-def floor(tmp_path_factory):
+def floor(tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("floor") / "floor.toml"
     path.write_text(FLOOR)
     return path
@@ -61,27 +62,27 @@ def shares(found, true):
 
 
 @pytest.mark.parametrize("seed", [1, 4, 7])
-def test_hidden_errors_are_found_to_within_a_tenth_of_their_size(floor, seed):
+def test_hidden_errors_are_found_to_within_a_tenth_of_their_size(floor, seed: int) -> None:
     found, true = calibrate(floor, "scale=0.005,base=0.01", seed, runs=1)
     assert max(map(abs, shares(found, true))) < 0.1
     assert found.wheels.left == pytest.approx(true.left, rel=2e-4)
     assert found.after < found.before / 50
 
 
-def test_they_are_found_although_the_wheels_slip(floor):
+def test_they_are_found_although_the_wheels_slip(floor) -> None:
     found, true = calibrate(floor, "default", 8, runs=5)
     assert max(map(abs, shares(found, true))) < 0.1
     assert found.ratio_error < 0.0005
     assert found.base_error < 0.0001
 
 
-def test_a_robot_without_errors_keeps_its_wheels(floor):
+def test_a_robot_without_errors_keeps_its_wheels(floor) -> None:
     found, _ = calibrate(floor, "none", 1, runs=1)
     assert found.ratio == pytest.approx(1.0, abs=2e-5)
     assert found.wheels.base == pytest.approx(WHEEL_BASE, rel=5e-4)
 
 
-def test_ends_without_a_heading_will_do():
+def test_ends_without_a_heading_will_do() -> None:
     true = Wheels(PULSE * 1.01, PULSE * 0.99, 0.0545)
     runs = []
     for move in moves(0.4):
@@ -126,7 +127,7 @@ def where(counters, wheels):
         (Wheels(PULSE, PULSE * 0.7, WHEEL_BASE), "right wheel|no wheels"),
     ],
 )
-def test_wheels_that_no_khepera_has_are_refused(wheels, says):
+def test_wheels_that_no_khepera_has_are_refused(wheels, says: str) -> None:
     with pytest.raises(CalibrationError, match=says):
         fit_wheels(ideal_runs(0.5, wheels), Wheels())
 
@@ -139,7 +140,7 @@ coordinates = st.floats(-2.0, 2.0) | st.just(0.0)
         st.tuples(coordinates, coordinates, st.none() | st.floats(-pi, pi)), min_size=5, max_size=5
     )
 )
-def test_a_fit_ends_with_possible_wheels_or_an_error_wherever_moves_ended(ends):
+def test_a_fit_ends_with_possible_wheels_or_an_error_wherever_moves_ended(ends) -> None:
     runs = [replace(run, end=end) for run, end in zip(ideal_runs(0.5, Wheels()), ends, strict=True)]
     with suppress(CalibrationError):
         wheels = fit_wheels(runs, Wheels()).wheels
@@ -158,13 +159,13 @@ def test_a_fit_ends_with_possible_wheels_or_an_error_wherever_moves_ended(ends):
         ((0.5, 0.0, 4.0), "between -180 and 180"),
     ],
 )
-def test_ends_that_cannot_be_are_refused(end, says):
+def test_ends_that_cannot_be_are_refused(end, says: str) -> None:
     with pytest.raises(CalibrationError, match=says):
         moves(0.5)[0].check_end(end)
     moves(0.5)[0].check_end((0.45, -0.05, None))
 
 
-def test_a_robot_in_whose_way_something_is_says_so_and_stands():
+def test_a_robot_in_whose_way_something_is_says_so_and_stands() -> None:
     with open_hardware("khepera://open-box?seed=1", baud=38400) as hardware:
         hardware.bench.reset(Reset())
         with pytest.raises(CalibrationError, match=r"straight: leg 1 of 1 ended early.*free floor"):
@@ -173,14 +174,14 @@ def test_a_robot_in_whose_way_something_is_says_so_and_stands():
         assert abs(hardware.bench.truth().pose.x) < 0.5
 
 
-def test_an_arena_without_room_for_the_course_says_so(tmp_path):
+def test_an_arena_without_room_for_the_course_says_so(tmp_path: Path) -> None:
     done = calibrate_by_command("--port", "khepera://corridor?seed=1", folder=tmp_path)
     assert done.returncode == 2
     assert re.search("needs more room|needs free floor", done.stderr)
     assert not (tmp_path / "robot.json").exists()
 
 
-def test_the_default_course_has_room_where_it_is_driven(tmp_path):
+def test_the_default_course_has_room_where_it_is_driven(tmp_path: Path) -> None:
     done = calibrate_by_command("--runs", "1", "--baud", "38400", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     wheels = load_profile(tmp_path / "robot.json").wheels
@@ -195,7 +196,7 @@ def calibrate_by_command(*options, folder):
     )
 
 
-def test_hands_ask_until_they_get_numbers():
+def test_hands_ask_until_they_get_numbers() -> None:
     answers = iter(["", "here", "512, -30 90"])
     said = []
     hands = Hands(said.append, lambda *_, **__: next(answers))
@@ -204,7 +205,7 @@ def test_hands_ask_until_they_get_numbers():
     assert any("numbers are needed" in line for line in said)
 
 
-def test_the_command_writes_the_profile(floor, tmp_path):
+def test_the_command_writes_the_profile(floor, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "macor_hil.cli", "calibrate", "--runs", "1", "--baud", "38400"]
     command += ["--port", f"khepera://{floor}?seed=4&drift=scale=0.005,base=0.01"]
     command += ["--side", "0.3", "--profile", str(tmp_path / "robot.json")]

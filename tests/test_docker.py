@@ -49,12 +49,12 @@ def is_command(program, arguments):
     return CliRunner().invoke(APPS[program], [*arguments, "--help"]).exit_code == 0
 
 
-def test_the_base_is_the_reference_python():
+def test_the_base_is_the_reference_python() -> None:
     (base,) = re.findall(r"^FROM (python:\S+) AS base", DOCKERFILE, re.MULTILINE)
     assert base.removeprefix("python:").partition("-")[0] == PROJECT["requires-python"][2:]
 
 
-def test_what_is_copied_is_there_and_sent_to_the_engine():
+def test_what_is_copied_is_there_and_sent_to_the_engine() -> None:
     ignore = (ROOT / ".dockerignore").read_text("utf-8").splitlines()
     for line in re.findall(r"^COPY (?!--from)(.*) \S+$", DOCKERFILE, re.MULTILINE):
         for source in line.split():
@@ -62,14 +62,14 @@ def test_what_is_copied_is_there_and_sent_to_the_engine():
             assert f"!{source}" in ignore
 
 
-def test_images_install_extras_that_exist():
+def test_images_install_extras_that_exist() -> None:
     extras = ",".join(re.findall(r"'\.\[([\w,]+)\]'", DOCKERFILE)).split(",")
     assert set(extras) <= set(PROJECT["optional-dependencies"])
     assert "'.[" not in STAGES["build-controller"]
 
 
 @pytest.mark.parametrize("image", IMAGES)
-def test_an_image_has_no_rights_and_stops_by_a_signal_that_stops_the_robot(image):
+def test_an_image_has_no_rights_and_stops_by_a_signal_that_stops_the_robot(image: str) -> None:
     assert instruction(image, "USER") == "khepera"
     assert instruction(image, "STOPSIGNAL") == "SIGTERM"
     (program,) = words(instruction(image, "ENTRYPOINT"))
@@ -84,12 +84,12 @@ def test_an_image_has_no_rights_and_stops_by_a_signal_that_stops_the_robot(image
         ("controller", CONTROLLER_ENDPOINT, CONTROLLER_ALIVE.of("*")),
     ],
 )
-def test_health_is_asked_where_the_program_listens(image, endpoint, key):
+def test_health_is_asked_where_the_program_listens(image: str, endpoint, key) -> None:
     check = instruction(image, "HEALTHCHECK").partition("CMD ")[2]
     assert words(check) == ["python", "/opt/khepera/bin/health.py", endpoint, key]
 
 
-def test_health_is_that_of_the_robot():
+def test_health_is_that_of_the_robot() -> None:
     endpoint = free_endpoint()
     command = [sys.executable, HEALTH, endpoint, EMULATOR_ALIVE.of("*")]
     with emulator("--listen", endpoint):
@@ -98,7 +98,7 @@ def test_health_is_that_of_the_robot():
 
 
 @pytest.mark.parametrize("name", list(SERVICES))
-def test_a_service_is_of_this_version_and_has_no_rights(name):
+def test_a_service_is_of_this_version_and_has_no_rights(name) -> None:
     service = SERVICES[name]
     target, _, version = service["image"].removeprefix("khepera-macor/").partition(":")
     assert target in IMAGES
@@ -119,7 +119,7 @@ def defaults(text):
 
 
 @pytest.mark.parametrize("name", list(SERVICES))
-def test_a_service_runs_a_command_that_there_is(name):
+def test_a_service_runs_a_command_that_there_is(name) -> None:
     service = SERVICES[name]
     if "entrypoint" in service:
         script = service["entrypoint"][-1]
@@ -131,17 +131,17 @@ def test_a_service_runs_a_command_that_there_is(name):
     assert is_command(program, arguments)
 
 
-def test_the_controller_drives_the_line_that_the_emulator_serves():
+def test_the_controller_drives_the_line_that_the_emulator_serves() -> None:
     served = SERVICES["emulator"]["command"]
     address = served[served.index("--rfc2217") + 1]
     assert f"--port=rfc2217://{address}" in map(defaults, SERVICES["controller"]["command"])
 
 
-def test_nobody_but_this_machine_reaches_it():
+def test_nobody_but_this_machine_reaches_it() -> None:
     assert "0.0.0.0" not in COMPOSE_TEXT + DOCKERFILE
     assert "--expose" not in COMPOSE_TEXT + DOCKERFILE
 
 
-def test_a_physical_robot_is_one_line_away():
+def test_a_physical_robot_is_one_line_away() -> None:
     (line,) = re.findall(r"^ +# (devices: .*?) # ", COMPOSE_TEXT, re.MULTILINE)
     assert words(line) == {"devices": ["/dev/ttyUSB0", "/dev/video0"]}

@@ -51,7 +51,7 @@ RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in 
 
 @pytest.mark.timeout(10 * PATIENCE)
 @pytest.mark.parametrize("page", RUNNABLE, ids=names(RUNNABLE))
-def test_the_commands_of_a_page_run(page, tmp_path):
+def test_the_commands_of_a_page_run(page, tmp_path: Path) -> None:
     if not has_own_network():
         pytest.skip("the pages' well-known ports need a network namespace (unshare, ip)")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -78,7 +78,7 @@ def test_the_commands_of_a_page_run(page, tmp_path):
         if block.language == "python"
     ],
 )
-def test_the_python_of_a_page_runs(code):
+def test_the_python_of_a_page_runs(code) -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=PATIENCE)
 
 
@@ -86,7 +86,7 @@ def test_the_python_of_a_page_runs(code):
     "command",
     sorted({command for page in PAGES for command in commands(page) if elsewhere(command)}),
 )
-def test_commands_that_run_elsewhere_are_commands(command):
+def test_commands_that_run_elsewhere_are_commands(command) -> None:
     program, *arguments = (word for word in shlex.split(command) if not VARIABLE.match(word))
     if program in APPS:
         # where an option is unknown, there is an error instead of help
@@ -102,14 +102,14 @@ def test_commands_that_run_elsewhere_are_commands(command):
             assert (ROOT / file).is_file()
 
 
-def test_nothing_is_run_elsewhere_that_no_page_shows():
+def test_nothing_is_run_elsewhere_that_no_page_shows() -> None:
     shown = [command for page in PAGES for command in commands(page)]
     for what in ELSEWHERE:
         assert any(re.match(what, command) for command in shown), what
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_commands_are_marked_as_such(page):
+def test_commands_are_marked_as_such(page) -> None:
     for block in blocks(page):
         if not block.language:
             first = {line.removeprefix(".venv/bin/").partition(" ")[0] for line in block.commands()}
@@ -117,7 +117,7 @@ def test_commands_are_marked_as_such(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_every_block_closes(page):
+def test_every_block_closes(page) -> None:
     begun = None
     for number, line in enumerate(page.read_text("utf-8").splitlines(), 1):
         if line.lstrip().startswith("```"):
@@ -128,13 +128,13 @@ def test_every_block_closes(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_links_lead_somewhere(page):
+def test_links_lead_somewhere(page) -> None:
     for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
         assert (page.parent / target).exists(), target
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_names_of_code_are_those_of_the_code(page):
+def test_names_of_code_are_those_of_the_code(page) -> None:
     fences = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
     for code in re.findall(r"`([^`]+)`", fences.sub("", page.read_text("utf-8"))):
         for name in re.findall(rf"\b(?:{'|'.join(PACKAGES)})(?:\.\w+)+", code):
@@ -145,13 +145,13 @@ def test_names_of_code_are_those_of_the_code(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_no_example_leaves_a_robot_driving(page):
+def test_no_example_leaves_a_robot_driving(page) -> None:
     for block in blocks(page):
         speeds = re.findall(r"D,(-?\d+),(-?\d+)", block.text)
         assert not speeds or speeds[-1] == ("0", "0"), f"line {block.line}"
 
 
-def test_every_page_is_in_the_index():
+def test_every_page_is_in_the_index() -> None:
     index = (ROOT / "docs" / "README.md").read_text("utf-8")
     linked = set(re.findall(r"\]\(([\w-]+\.md)\)", index))
     assert linked == {page.name for page in PAGES if page.parent.name == "docs"} - {"README.md"}
@@ -165,6 +165,6 @@ def generated():
 
 
 @pytest.mark.parametrize("name", sorted(generated()))
-def test_generated_pages_are_current(name):
+def test_generated_pages_are_current(name) -> None:
     page = generated()[name]()
     assert (ROOT / "docs" / name).read_text("utf-8") == page, "run: python docs/generate.py"

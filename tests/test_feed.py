@@ -50,7 +50,7 @@ def until_state(feed, other):
     return heard
 
 
-def test_samples_for_many_keys_are_refused_and_counted():
+def test_samples_for_many_keys_are_refused_and_counted() -> None:
     with followed() as (feed, other):
         for key in ("**", "macor/**", "macor/*/state", "macor/khepera/*", "*/khepera/state"):
             other.put(key, TEXT)
@@ -63,7 +63,7 @@ def test_samples_for_many_keys_are_refused_and_counted():
     }
 
 
-def test_tokens_of_many_robots_are_nobody():
+def test_tokens_of_many_robots_are_nobody() -> None:
     with followed() as (feed, other):
         tokens = [
             other.liveliness().declare_token(key)
@@ -90,7 +90,7 @@ def test_tokens_of_many_robots_are_nobody():
         ({"payload": TEXT, "encoding": "x" * 240}, "its encoding has no end"),
     ],
 )
-def test_samples_out_of_bounds_are_refused_with_a_reason(sample, reason):
+def test_samples_out_of_bounds_are_refused_with_a_reason(sample, reason: str) -> None:
     with followed() as (feed, other):
         other.put(STATE, **sample)
         (refusal,) = until_state(feed, other)
@@ -101,7 +101,7 @@ def test_samples_out_of_bounds_are_refused_with_a_reason(sample, reason):
     assert watched.not_taken.words() == f"1 refused; the last one of state: {refusal.reason}"
 
 
-def test_a_sample_that_is_deleted_is_refused_by_who_reads_it():
+def test_a_sample_that_is_deleted_is_refused_by_who_reads_it() -> None:
     with followed() as (feed, other):
         other.delete(STATE)
         arrival = feed.get(PATIENCE)
@@ -110,7 +110,7 @@ def test_a_sample_that_is_deleted_is_refused_by_who_reads_it():
     assert watched.not_taken.refused == 1
 
 
-def test_a_time_stamp_of_the_far_future_makes_nothing_old():
+def test_a_time_stamp_of_the_far_future_makes_nothing_old() -> None:
     with followed() as (feed, other):
         now = other.new_timestamp()
         future = zenoh.Timestamp(now.get_time() + timedelta(days=9999), now.get_id())
@@ -132,7 +132,7 @@ with open_session([], [sys.argv[1]]) as session, Publisher(session, "khepera") a
 """
 
 
-def test_a_watcher_keeps_no_descriptor_of_controllers_that_have_gone():
+def test_a_watcher_keeps_no_descriptor_of_controllers_that_have_gone() -> None:
     endpoint, open_files = free_endpoint(), []
     with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
         for _ in range(4):
@@ -150,7 +150,7 @@ def test_a_watcher_keeps_no_descriptor_of_controllers_that_have_gone():
     assert open_files[-1] <= open_files[1]
 
 
-def test_a_sender_faster_than_who_takes_loses_the_oldest_and_that_is_told():
+def test_a_sender_faster_than_who_takes_loses_the_oldest_and_that_is_told() -> None:
     inbox = Inbox(items=10, size=1000)
     for number in range(25):
         inbox.put(number, 10)
@@ -162,7 +162,7 @@ def test_a_sender_faster_than_who_takes_loses_the_oldest_and_that_is_told():
     assert inbox.take_losses() == 0
 
 
-def test_samples_do_not_crowd_out_notices_and_all_keep_their_order():
+def test_samples_do_not_crowd_out_notices_and_all_keep_their_order() -> None:
     inbox = Inbox(items=3)
     inbox.notify("comes")
     for number in range(5):
@@ -172,14 +172,14 @@ def test_samples_do_not_crowd_out_notices_and_all_keep_their_order():
     assert [inbox.get(0.0) for _ in range(6)] == ["comes", 3, 4, "goes", 5, None]
 
 
-def test_notices_have_a_bound_too():
+def test_notices_have_a_bound_too() -> None:
     inbox = Inbox()
     for number in range(5000):
         inbox.notify(number)
     assert inbox.get(0.0) == 4000
 
 
-def test_what_is_lost_reaches_watchers():
+def test_what_is_lost_reaches_watchers() -> None:
     with followed() as (feed, other):
         feed._inbox._most_items = 5
         for sequence in range(50):
@@ -193,14 +193,14 @@ def test_what_is_lost_reaches_watchers():
     assert watched.not_taken.words() == f"{losses} lost, they came too fast"
 
 
-def wait_for_bytes(feed):
+def wait_for_bytes(feed) -> None:
     end = time.monotonic() + PATIENCE
     while not feed._inbox._lost:
         assert time.monotonic() < end
         time.sleep(0.01)
 
 
-def test_what_is_not_taken_is_told_in_words():
+def test_what_is_not_taken_is_told_in_words() -> None:
     counts = NotTaken()
     assert counts.words() == ""
     counts.count(Refusal("decision", "\x1b[31mred", 0))
@@ -210,7 +210,7 @@ def test_what_is_not_taken_is_told_in_words():
     )
 
 
-def test_a_clock_that_is_set_moves_no_times(monkeypatch):
+def test_a_clock_that_is_set_moves_no_times(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = SteadyClock()
     before = clock()
     assert abs(before - time.time_ns()) < 1e9
@@ -235,13 +235,13 @@ def shifted(events, first, hours):
 
 
 @pytest.mark.parametrize("hours", [-8760, -1, 1, 8760])
-def test_a_recording_made_while_the_clock_was_set_plays(hours):
+def test_a_recording_made_while_the_clock_was_set_plays(hours: int) -> None:
     events = a_life(2)
     odd = [*events[:6], *shifted(events[6:], 0, hours)]
     slept, shown = [], []
 
     class Player:
-        def publish(self, event):
+        def publish(self, event) -> None:
             shown.append(event)
 
     play(odd, Player(), clock=lambda: sum(slept), sleep=slept.append)
@@ -251,13 +251,13 @@ def test_a_recording_made_while_the_clock_was_set_plays(hours):
     assert times == sorted(times)
 
 
-def test_a_recording_with_good_times_is_played_as_it_is():
+def test_a_recording_with_good_times_is_played_as_it_is() -> None:
     events = a_life(3)
     assert list(in_playing_time(events)) == events
     assert not list(in_playing_time([]))
 
 
-def test_all_that_keeps_to_the_bounds_is_taken():
+def test_all_that_keeps_to_the_bounds_is_taken() -> None:
     with followed() as (feed, other):
         watched = RobotState("khepera")
         for sequence in range(3):

@@ -15,7 +15,7 @@ NOT_YET = re.compile(
 """Files that are still to be put into these words."""
 
 
-def test_no_docstring_begins_with_a_question():
+def test_no_docstring_begins_with_a_question() -> None:
     found = []
     for folder in FOLDERS:
         for file in sorted((ROOT / folder).rglob("*.py")):

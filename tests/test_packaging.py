@@ -70,7 +70,7 @@ def modules(package):
             yield ".".join(part for part in parts if part != "__init__")
 
 
-def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
+def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.mkdir()
     for file in ("pyproject.toml", "README.md", "LICENSE"):
@@ -90,25 +90,25 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
     assert files <= set(zipfile.ZipFile(wheel).namelist())
 
 
-def test_every_extra_is_tried_without():
+def test_every_extra_is_tried_without() -> None:
     for_developers = {"benchmarks", "build", "lint", "test"}
     assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
 
 
 @pytest.mark.parametrize("python", ["3.11", "3.12", "3.13", "3.14"])
-def test_every_python_gets_one_pybullet(python):
+def test_every_python_gets_one_pybullet(python: str) -> None:
     wanted = [Requirement(line) for line in PROJECT["optional-dependencies"]["emulator"]]
     found = [each.name for each in wanted if each.marker.evaluate({"python_version": python})]
     assert found == ["pybullet-arm64" if python in ("3.12", "3.13") else "pybullet"]
 
 
-def test_every_extra_is_documented():
+def test_every_extra_is_documented() -> None:
     page = (ROOT / "docs" / "install.md").read_text("utf-8")
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
     assert documented == set(PROJECT["optional-dependencies"]) - {"build", "lint", "test"}
 
 
-def test_the_controller_is_importable_without_any_extra():
+def test_the_controller_is_importable_without_any_extra() -> None:
     code = f"""
 import importlib, json
 failed = {{}}
@@ -127,7 +127,7 @@ print(json.dumps(failed))
 
 
 @pytest.mark.parametrize("program", ["macor_hil.cli", "khepera_emulator.app.cli"])
-def test_the_command_lines_help_without_any_extra(program):
+def test_the_command_lines_help_without_any_extra(program: str) -> None:
     done = without_extras(f"from {program} import app; app()", "--help")
     assert done.returncode == 0, done.stderr
     assert "Usage" in done.stdout
@@ -146,7 +146,9 @@ def test_the_command_lines_help_without_any_extra(program):
         ("macor_hil.cli", ["reproduce", "figure2"], "experiments"),
     ],
 )
-def test_a_missing_extra_is_named(program, arguments, extra, tmp_path):
+def test_a_missing_extra_is_named(
+    program: str, arguments: list[str], extra: str, tmp_path: Path
+) -> None:
     file = str(tmp_path / "file")
     arguments = [each.replace("FILE", file) for each in arguments]
     done = without_extras(f"from {program} import main; main()", *arguments)

@@ -31,7 +31,7 @@ PATIENCE = 20.0
 
 
 @pytest.fixture
-def file(tmp_path):
+def file(tmp_path: Path):
     path = tmp_path / "drive.mcap"
     with Recorder(path, "khepera") as recorder:
         for event in a_life():
@@ -39,11 +39,11 @@ def file(tmp_path):
     return path
 
 
-def test_what_is_read_is_what_was_written(file):
+def test_what_is_read_is_what_was_written(file) -> None:
     assert read_recording(file) == ("khepera", a_life())
 
 
-def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file):
+def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file) -> None:
     with file.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()
@@ -90,7 +90,7 @@ def fields_as_viewers_read(schema, place):
     return fields
 
 
-def test_the_parsers_of_viewers_read_every_json_topic(file):
+def test_the_parsers_of_viewers_read_every_json_topic(file) -> None:
     with file.open("rb") as stream:
         topics = {}
         for schema, channel, message in make_reader(stream).iter_messages():
@@ -105,7 +105,7 @@ def test_the_parsers_of_viewers_read_every_json_topic(file):
     assert alternatives == {"command": "string", "evaluation": "number"}
 
 
-def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path):
+def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path: Path) -> None:
     odd = Arrival(EMULATOR, "truth", b'{"future":1}', "application/json", None, BEGIN)
     with Recorder(tmp_path / "x", "khepera") as recorder:
         recorder.write(odd)
@@ -113,7 +113,7 @@ def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path):
     assert event.data == odd.data
 
 
-def test_a_recording_that_was_cut_off_is_read_to_there(file, tmp_path):
+def test_a_recording_that_was_cut_off_is_read_to_there(file, tmp_path: Path) -> None:
     whole = read_recording(file)[1]
     data = file.read_bytes()
     # pictures are chunks of their own or end one: a cut in the middle keeps what came before
@@ -133,23 +133,23 @@ def read_or_none(path):
 
 
 @pytest.mark.parametrize("content", [b"", b"no recording", bytes(200)])
-def test_what_is_no_recording_is_said_to_be_none(tmp_path, content):
+def test_what_is_no_recording_is_said_to_be_none(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x").write_bytes(content)
     with pytest.raises(RecordingError, match="is no recording of a robot"):
         read_recording(tmp_path / "x")
 
 
-def test_a_file_that_is_not_there(tmp_path):
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot read"):
         read_recording(tmp_path / "x")
     with pytest.raises(RecordingError, match="cannot record to"):
         Recorder(tmp_path / "no" / "x", "khepera")
 
 
-def test_a_full_disk_stops_the_recording_with_a_sentence(tmp_path):
+def test_a_full_disk_stops_the_recording_with_a_sentence(tmp_path: Path) -> None:
     path, events = tmp_path / "x.mcap", a_life(200)
 
-    def limit():
+    def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 
     code = (
@@ -184,7 +184,7 @@ def record_process(path, endpoint, *more):
     return subprocess.Popen([*command, *more], stdout=subprocess.PIPE, text=True)
 
 
-def publish_to_recorder(endpoint, path, events):
+def publish_to_recorder(endpoint, path, events) -> None:
     """Publish events to who records them at an endpoint, each picture when the last one is kept."""
     with open_session([endpoint], []) as session:
         wait_until_watched(session, "macor/khepera/decision", "macor/khepera/frame")
@@ -198,7 +198,7 @@ def publish_to_recorder(endpoint, path, events):
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
+def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path: Path, number) -> None:
     path, endpoint = tmp_path / "x.mcap", free_endpoint()
     pictures = 4
     process = record_process(path, endpoint)
@@ -218,7 +218,7 @@ def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
             assert make_reader(stream).get_summary() is not None
 
 
-def test_a_recorder_tells_what_it_did_not_take(tmp_path):
+def test_a_recorder_tells_what_it_did_not_take(tmp_path: Path) -> None:
     path, endpoint = tmp_path / "x.mcap", free_endpoint()
     process = record_process(path, endpoint)
     try:
@@ -239,7 +239,7 @@ def test_a_recorder_tells_what_it_did_not_take(tmp_path):
     assert "1 samples; 2 refused; the last one of state: its stamp cannot be read: sequence" in said
 
 
-def wait_until(condition):
+def wait_until(condition) -> None:
     end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end
@@ -251,7 +251,7 @@ def pictures_in(path):
     return [event for event in events if isinstance(event, Arrival) and event.leaf == "frame"]
 
 
-def test_a_recorder_ends_after_its_time(tmp_path):
+def test_a_recorder_ends_after_its_time(tmp_path: Path) -> None:
     path, endpoint = tmp_path / "x.mcap", free_endpoint()
     result = CliRunner().invoke(
         app, ["record", str(path), "--for", "0.2", "--connect", endpoint], catch_exceptions=False
@@ -262,10 +262,10 @@ def test_a_recorder_ends_after_its_time(tmp_path):
 class Followed:
     """A player that waits for its watcher: what is shown too fast may be dropped, by design."""
 
-    def __init__(self, player, watcher):
+    def __init__(self, player, watcher) -> None:
         self.player, self.watcher, self.shown = player, watcher, 0
 
-    def publish(self, event):
+    def publish(self, event) -> None:
         self.player.publish(event)
         if isinstance(event, Arrival) and event.leaf == "decision":
             self.shown += 1
@@ -275,7 +275,7 @@ class Followed:
         return len(self.watcher.watched.controlled.history) == self.shown
 
 
-def test_a_replay_is_what_was_recorded(file):
+def test_a_replay_is_what_was_recorded(file) -> None:
     _, events = read_recording(file)
     endpoint = free_endpoint()
     with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
@@ -296,11 +296,11 @@ def test_a_replay_is_what_was_recorded(file):
         assert watcher.watched.frame in {a_picture(k) for k in range(3)}
 
 
-def test_a_replay_keeps_the_distances_of_events():
+def test_a_replay_keeps_the_distances_of_events() -> None:
     shown, slept = [], []
 
     class Recorded:
-        def publish(self, event):
+        def publish(self, event) -> None:
             shown.append(event)
 
     events = a_life(2)
@@ -309,7 +309,7 @@ def test_a_replay_keeps_the_distances_of_events():
     assert sum(slept) == pytest.approx((events[-1].received - BEGIN) / SECOND / 2.0)
 
 
-def test_a_replay_answers_queries_with_the_latest_and_the_schema():
+def test_a_replay_answers_queries_with_the_latest_and_the_schema() -> None:
     endpoint = free_endpoint()
     with open_session([endpoint], []) as session, Player(session, "khepera") as player:
         decision = a_life(1)[-5]
@@ -325,7 +325,7 @@ def test_a_replay_answers_queries_with_the_latest_and_the_schema():
             assert ask(watcher, "macor/khepera/state").ok is None
 
 
-def test_presence_is_kept_apart_for_each_side():
+def test_presence_is_kept_apart_for_each_side() -> None:
     watched = RobotState("khepera")
     for event in (Presence(EMULATOR, True, 0), Presence(CONTROLLER, True, 0)):
         watched.take(event)

@@ -60,18 +60,18 @@ def imports(folder):
                 yield module, imported, lazy
 
 
-def test_no_module_imports_itself_by_way_of_others():
+def test_no_module_imports_itself_by_way_of_others() -> None:
     TopologicalSorter(GRAPH).prepare()
 
 
 @pytest.mark.parametrize("folder", folders_of(GRAPH))
-def test_a_folder_is_small_and_has_no_circle(folder):
+def test_a_folder_is_small_and_has_no_circle(folder) -> None:
     graph = folder_graph(folder, GRAPH)
     TopologicalSorter(graph).prepare()
     assert len(graph) <= MOST
 
 
-def test_packages_import_one_way():
+def test_packages_import_one_way() -> None:
     def wrong(package, *others):
         return [each for each in imports(package) if each[1].split(".")[0] in others]
 
@@ -82,7 +82,7 @@ def test_packages_import_one_way():
     assert {module for module, _, _ in opened} == OPENS_THE_EMULATOR
 
 
-def test_the_protocol_and_the_mind_have_no_io_but_where_it_is_named():
+def test_the_protocol_and_the_mind_have_no_io_but_where_it_is_named() -> None:
     found = {}
     for module, imported, _ in [*imports("khepera_protocol"), *imports("macor_hil.mind")]:
         package = imported.split(".")[0]
@@ -91,7 +91,7 @@ def test_the_protocol_and_the_mind_have_no_io_but_where_it_is_named():
     assert found == WITH_IO
 
 
-def test_the_mind_knows_little_of_the_rest():
+def test_the_mind_knows_little_of_the_rest() -> None:
     seen = set()
     for module, imported, _ in imports("macor_hil.mind"):
         if imported in MODULES and not inside(imported, "macor_hil.mind"):

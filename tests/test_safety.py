@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 from queue import SimpleQueue
 
 import cv2
@@ -26,13 +27,13 @@ LIMIT = 0.5
 
 
 @pytest.fixture(scope="module")
-def map_file(tmp_path_factory):
+def map_file(tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("maps") / "short.npz"
     return train_shortly(path)
 
 
 @pytest.fixture(scope="module")
-def shared_bench(tmp_path_factory):
+def shared_bench(tmp_path_factory: pytest.TempPathFactory):
     with rig(tmp_path_factory.mktemp("bench")) as running:
         yield running
 
@@ -61,10 +62,10 @@ def interrupted(controller):
 
 
 @pytest.mark.parametrize("mode", ["lost", "frozen", "late", "dark", "small", "garbage"])
-def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, mode):
+def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, mode: str) -> None:
     controller = drive(bench, map_file)
 
-    def fail():
+    def fail() -> None:
         if bench.relay.mode != "pass":
             bench.relay.mode = "pass"
             controller.wait_for_steps(1)
@@ -81,7 +82,7 @@ def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, 
 def a_stranger(bench, make_picture):
     """A session that answers on the camera's key as well, and claims to be complete."""
 
-    def answer(query):
+    def answer(query) -> None:
         with query:
             query.reply(RELAYED, make_picture())
 
@@ -101,7 +102,7 @@ def noise():
 @pytest.mark.parametrize("make_picture", [lambda: b"flour", noise])
 def test_a_stranger_on_the_camera_s_key_neither_holds_nor_steers_the_robot(
     bench, map_file, make_picture
-):
+) -> None:
     controller = drive(bench, map_file)
     frames, states, asked = SimpleQueue(), SimpleQueue(), SimpleQueue()
     with open_session([], [bench.controller_endpoint]) as session:
@@ -127,10 +128,10 @@ def drained(queue):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_stops_the_robot(bench, map_file, number):
+def test_a_signal_stops_the_robot(bench, map_file, number) -> None:
     controllers = []
 
-    def interrupt():
+    def interrupt() -> None:
         controllers.append(drive(bench, map_file))
         os.kill(controllers[-1].process.pid, number)
 
@@ -138,10 +139,10 @@ def test_a_signal_stops_the_robot(bench, map_file, number):
     assert controllers[-1].end().startswith(f"interrupted {signal.Signals(number).name}")
 
 
-def test_a_stop_request_stops_the_robot(bench, map_file):
+def test_a_stop_request_stops_the_robot(bench, map_file) -> None:
     controllers = []
 
-    def ask():
+    def ask() -> None:
         controllers.append(drive(bench, map_file, stop_key=True))
         with open_session([], [bench.controller_endpoint]) as session:
             ask_to_stop(session, "khepera")
@@ -150,7 +151,7 @@ def test_a_stop_request_stops_the_robot(bench, map_file):
     assert controllers[-1].end().startswith("interrupted the stop key")
 
 
-def test_the_stop_key_is_off_unless_asked_for(bench, map_file):
+def test_the_stop_key_is_off_unless_asked_for(bench, map_file) -> None:
     controller = drive(bench, map_file)
     with open_session([], [bench.controller_endpoint]) as session:
         session.put("macor/khepera/stop", REQUEST)
@@ -159,14 +160,14 @@ def test_the_stop_key_is_off_unless_asked_for(bench, map_file):
     controller.wait_for_steps(2)
 
 
-def test_the_robot_stands_while_a_planner_is_late(bench, map_file):
+def test_the_robot_stands_while_a_planner_is_late(bench, map_file) -> None:
     phases = []
     with open_session([], [bench.controller_endpoint]) as session:
         session.declare_subscriber(
             "macor/khepera/state", lambda sample: phases.append(phase(sample))
         )
 
-        def wait_for_the_planner():
+        def wait_for_the_planner() -> None:
             bench.end_controllers()
             controller = bench.controller(map_file, speed=2, trouble="slow planner")
             controller.wait_for(lambda lines: "slow" in lines)
@@ -180,8 +181,8 @@ def phase(sample):
     return json.loads(sample.payload.to_string())["phase"]
 
 
-def test_a_defect_in_mid_drive_stops_the_robot(bench, map_file):
-    def break_down():
+def test_a_defect_in_mid_drive_stops_the_robot(bench, map_file) -> None:
+    def break_down() -> None:
         controller = bench.controller(map_file, trouble="exception")
         controller.wait_for(lambda lines: "broken" in lines)
 
@@ -198,17 +199,17 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def kill_a_rolling_controller(bench):
+def kill_a_rolling_controller(bench) -> None:
     controller = bench.start([sys.executable, "-c", ROLLING, str(bench.link)])
     assert controller.process.wait(30) == -signal.SIGKILL
 
 
-def test_a_robot_rolls_on_when_its_controller_was_killed(bench):
+def test_a_robot_rolls_on_when_its_controller_was_killed(bench) -> None:
     kill_a_rolling_controller(bench)
     assert bench.time_to_stand(longest=1.5) > 1.4
 
 
-def test_a_robot_with_a_dead_man_stop_does_not(tmp_path):
+def test_a_robot_with_a_dead_man_stop_does_not(tmp_path: Path) -> None:
     with rig(tmp_path, "--dead-man", "0.3") as bench:
         kill_a_rolling_controller(bench)
         assert bench.time_to_stand() < 0.3 + 0.15
@@ -217,10 +218,12 @@ def test_a_robot_with_a_dead_man_stop_does_not(tmp_path):
 # the others: `make stop-times`
 @pytest.mark.parametrize("way", ["SIGTERM", "terminal closed"])
 @pytest.mark.parametrize("program", ["run", "train", "trials", "calibrate", "Commands", "Wheels"])
-def test_no_way_out_of_any_program_leaves_the_robot_driving(bench, map_file, program, way):
+def test_no_way_out_of_any_program_leaves_the_robot_driving(
+    bench, map_file, program: str, way: str
+) -> None:
     drives = []
 
-    def end():
+    def end() -> None:
         bench.make_ready()
         drives.append(Drive(bench.controllers, programs(bench, map_file)[program]))
         bench.wait_until_moving()
@@ -232,10 +235,10 @@ def test_no_way_out_of_any_program_leaves_the_robot_driving(bench, map_file, pro
         assert status == STATUSES[way], drives[-1].said
 
 
-def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file):
+def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file) -> None:
     drives = []
 
-    def end():
+    def end() -> None:
         bench.make_ready()
         drives.append(Drive(bench.controllers, programs(bench, map_file)["run"], output=True))
         bench.wait_until_moving()
@@ -270,8 +273,8 @@ ENDINGS = {
 
 
 @pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS.keys())
-def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending):
-    def end():
+def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending) -> None:
+    def end() -> None:
         bench.end_controllers()
         script = A_LEARNER.format(ending)
         program = bench.start([sys.executable, "-c", script, str(bench.link)])
@@ -280,20 +283,20 @@ def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending):
     assert bench.stops_within(LIMIT, end)
 
 
-def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(bench, map_file):
+def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(bench, map_file) -> None:
     controller = drive(bench, map_file)
     controller.process.kill()
     assert 0.6 < bench.time_to_stand() < 2.0  # the rest of its command
 
 
-def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(bench, map_file):
+def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(bench, map_file) -> None:
     controller = drive(bench, map_file)
     bench.restart_emulator()
     controller.wait_for_steps(3)
     assert interrupted(controller) > 0
 
 
-def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path):
+def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path: Path) -> None:
     """Its camera has another Zenoh id: a change that is told, and then followed."""
     with rig(tmp_path, relay=False) as bench:
         controller = drive(bench, map_file)
@@ -302,11 +305,13 @@ def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path):
         assert interrupted(controller) > 0
 
 
-def test_a_robot_stops_while_its_router_is_gone_and_goes_on_when_it_is_back(map_file, tmp_path):
+def test_a_robot_stops_while_its_router_is_gone_and_goes_on_when_it_is_back(
+    map_file, tmp_path: Path
+) -> None:
     with rig(tmp_path, routed=True) as bench:
         controller = drive(bench, map_file)
 
-        def lose_the_router():
+        def lose_the_router() -> None:
             if bench.router.process.poll() is not None:
                 bench.router.start()
                 controller.wait_for_steps(1)

@@ -39,7 +39,7 @@ def ask(port, request):
     return reply
 
 
-def stand(port, bench):
+def stand(port, bench) -> None:
     """Wait until the wheels are where they shall be, and stand: then they stand for good."""
     while not (
         REACHED.fullmatch(ask(port, b"K"))
@@ -88,16 +88,16 @@ def expected():
     return in_process(1)
 
 
-def test_another_process_gives_the_same(request, expected):
+def test_another_process_gives_the_same(request: pytest.FixtureRequest, expected) -> None:
     command = [sys.executable, "-c", IN_PROCESS, str(request.path.parent), "1"]
     said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
     assert said.split()[-1] == expected
 
 
 @pytest.mark.parametrize("speed", [10, 25])
-def test_a_terminal_at_any_speed_gives_the_same(speed, expected):
+def test_a_terminal_at_any_speed_gives_the_same(speed: int, expected) -> None:
     assert on_terminal(1, speed) == expected
 
 
-def test_another_seed_gives_another_robot(expected):
+def test_another_seed_gives_another_robot(expected) -> None:
     assert in_process(2) != expected

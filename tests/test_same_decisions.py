@@ -1,5 +1,7 @@
 """The same controller with the same seed decides the same, whatever carries its line."""
 
+from pathlib import Path
+
 import pytest
 from emulator_process import emulator, free_endpoint
 from short_training import train_shortly
@@ -16,7 +18,7 @@ ABOUT_THE_SAME = 2
 
 
 @pytest.fixture(scope="module")
-def map_file(tmp_path_factory):
+def map_file(tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("maps") / "short.npz"
     return train_shortly(path, PORT, tuning=20, random=200)
 
@@ -54,7 +56,9 @@ def what(decisions):
 
 
 @pytest.mark.parametrize("carrier", ["link", "tcp", "rfc2217"])
-def test_the_same_decisions_over_every_carrier(carrier, map_file, in_process, tmp_path):
+def test_the_same_decisions_over_every_carrier(
+    carrier: str, map_file, in_process, tmp_path: Path
+) -> None:
     endpoint = free_endpoint()
     place = str(tmp_path / "robot") if carrier == "link" else "127.0.0.1:0"
     with emulator(

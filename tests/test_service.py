@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from pathlib import Path
 from queue import Queue, SimpleQueue
 
 import pytest
@@ -44,7 +45,7 @@ SETTLING = 0.1
 
 
 @pytest.fixture(scope="module")
-def map_file(tmp_path_factory):
+def map_file(tmp_path_factory: pytest.TempPathFactory):
     """A map of a very short training: it knows a few situations around the start."""
     path = tmp_path_factory.mktemp("maps") / "short.npz"
     return train_shortly(path, PORT, random=80)
@@ -66,7 +67,7 @@ class Tap:
     `meddle` hears every request once it is on the line, before its reply is read.
     """
 
-    def __init__(self, monkeypatch):
+    def __init__(self, monkeypatch) -> None:
         self.requests = []
         self.speed = 0.0
         self.port = None
@@ -83,7 +84,7 @@ class Tap:
             self.meddle(data)
             return count
 
-        def tapped_close():
+        def tapped_close() -> None:
             if self.port.is_open:
                 self.port.emulator.advance(self.port.now + SETTLING)
                 self.speed = self.speed_now()
@@ -96,10 +97,10 @@ class Tap:
         """Speed of the faster wheel, m/s."""
         return max(map(abs, self.port.emulator.truth().speed))
 
-    def in_mid_drive(self, act, arc=2):
+    def in_mid_drive(self, act, arc=2) -> None:
         """Do something once, while the robot is driving its arc of this number."""
 
-        def meddle(data):
+        def meddle(data) -> None:
             if data == b"N\n" and self.count(b"C") == arc and self.speed_now() > MOVING:
                 self.meddle = lambda _: None
                 act()
@@ -109,7 +110,7 @@ class Tap:
     def count(self, letter):
         return sum(data.startswith(letter) for data in self.requests)
 
-    def assert_stopped(self):
+    def assert_stopped(self) -> None:
         """A stop followed the last drive, and the robot stood when it was switched off."""
         assert not self.port.is_open
         last_drive = max(n for n, data in enumerate(self.requests) if data.startswith(b"C"))
@@ -118,12 +119,12 @@ class Tap:
 
 
 @pytest.fixture
-def tap(monkeypatch):
+def tap(monkeypatch: pytest.MonkeyPatch):
     return Tap(monkeypatch)
 
 
 def raising(error):
-    def act(*_):
+    def act(*_) -> None:
         raise error
 
     return act
@@ -134,7 +135,7 @@ def states(samples):
         yield State.model_validate_json(receive(samples).payload.to_bytes())
 
 
-def test_a_run_drives_its_commands_and_leaves_the_robot_standing(config, tap):
+def test_a_run_drives_its_commands_and_leaves_the_robot_standing(config, tap) -> None:
     heard = []
     report = serve(config, heard.append)
     assert report.ending is Ending.COMMANDS
@@ -146,10 +147,10 @@ def test_a_run_drives_its_commands_and_leaves_the_robot_standing(config, tap):
     tap.assert_stopped()
 
 
-def test_odometry_follows_the_robot_from_the_start_that_is_given(config, tap):
+def test_odometry_follows_the_robot_from_the_start_that_is_given(config, tap) -> None:
     heard, truth = [], []
 
-    def on_step(decision):
+    def on_step(decision) -> None:
         heard.append(decision)
         truth.append(tap.port.emulator.truth().pose)
 
@@ -164,7 +165,7 @@ def test_odometry_follows_the_robot_from_the_start_that_is_given(config, tap):
     assert heard[0].odometry.counters[0] > 0
 
 
-def test_a_collision_ends_the_run(config, tap):
+def test_a_collision_ends_the_run(config, tap) -> None:
     report = serve(changed(config, commands=200, planner="reactive"))
     assert report.ending is Ending.COLLISION
     assert report.collided
@@ -172,14 +173,14 @@ def test_a_collision_ends_the_run(config, tap):
     tap.assert_stopped()
 
 
-def test_the_same_run_gives_the_same_decisions(config):
+def test_the_same_run_gives_the_same_decisions(config) -> None:
     first, second = [], []
     serve(config, first.append)
     serve(config, second.append)
     assert first == second
 
 
-def test_watchers_receive_every_decision_and_the_states_around_them(config):
+def test_watchers_receive_every_decision_and_the_states_around_them(config) -> None:
     endpoint, heard = free_endpoint(), []
     keys = [f"macor/robby/{leaf}" for leaf in ("decision", "frame", "state")]
     with open_session([endpoint], []) as session:
@@ -210,10 +211,10 @@ def latest(session, kind, holds):
     return read(ask_until(session, key, lambda sample: holds(read(sample))))
 
 
-def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config):
+def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config) -> None:
     endpoint, heard = free_endpoint(), []
 
-    def join(decision):
+    def join(decision) -> None:
         if decision.sequence == 3:
             with watching(endpoint) as (session,):
                 heard.append(latest(session, Decision, lambda decision: decision.sequence >= 3))
@@ -228,7 +229,7 @@ def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(config, tap, number):
+def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(config, tap, number) -> None:
     before = signal.getsignal(number)
     tap.in_mid_drive(lambda: signal.raise_signal(number))
     report = serve(changed(config, commands=1000))
@@ -240,11 +241,13 @@ def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(config, tap, numb
     assert signal.getsignal(number) is before
 
 
-def test_the_robot_stands_before_a_last_picture_is_waited_for(config, tap, monkeypatch):
+def test_the_robot_stands_before_a_last_picture_is_waited_for(
+    config, tap, monkeypatch: pytest.MonkeyPatch
+) -> None:
     speeds = []
 
     class Watch(CameraWatch):
-        def __exit__(self, *raised):
+        def __exit__(self, *raised) -> None:
             speeds.append(tap.speed_now())
             super().__exit__(*raised)
 
@@ -254,14 +257,14 @@ def test_the_robot_stands_before_a_last_picture_is_waited_for(config, tap, monke
     assert speeds[0] < 2 * STANDING  # its controllers settle when the stop is confirmed
 
 
-def test_a_keyboard_interrupt_from_elsewhere_stops_the_robot_too(config, tap):
+def test_a_keyboard_interrupt_from_elsewhere_stops_the_robot_too(config, tap) -> None:
     tap.in_mid_drive(raising(KeyboardInterrupt()))
     assert serve(config).ending is Ending.INTERRUPTED
     tap.assert_stopped()
 
 
-def test_impatient_ctrl_c_at_every_request_does_not_prevent_the_stop(config, tap):
-    def interrupt():
+def test_impatient_ctrl_c_at_every_request_does_not_prevent_the_stop(config, tap) -> None:
+    def interrupt() -> None:
         tap.meddle = lambda _: signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
 
@@ -272,8 +275,8 @@ def test_impatient_ctrl_c_at_every_request_does_not_prevent_the_stop(config, tap
     assert tap.requests[confirmed] == b"E\n"  # and seen to be true
 
 
-def test_a_signal_while_the_robot_is_being_stopped_waits_until_it_stands(config, tap):
-    def meddle(data):
+def test_a_signal_while_the_robot_is_being_stopped_waits_until_it_stands(config, tap) -> None:
+    def meddle(data) -> None:
         if data.endswith(STOP) and tap.count(b"C") == 6:
             tap.meddle = lambda _: None
             signal.raise_signal(signal.SIGINT)
@@ -284,7 +287,7 @@ def test_a_signal_while_the_robot_is_being_stopped_waits_until_it_stands(config,
     tap.assert_stopped()
 
 
-def test_an_interruption_raises_once_and_then_holds_back_until_released():
+def test_an_interruption_raises_once_and_then_holds_back_until_released() -> None:
     with Interruption() as interruption:
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGTERM)
@@ -295,7 +298,7 @@ def test_an_interruption_raises_once_and_then_holds_back_until_released():
             signal.raise_signal(signal.SIGINT)
 
 
-def test_an_interrupt_that_was_lost_comes_again(monkeypatch):
+def test_an_interrupt_that_was_lost_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr("macor_hil.safety.interruption.time.monotonic", lambda: now[0])
     with Interruption() as interruption:
@@ -309,7 +312,7 @@ def test_an_interrupt_that_was_lost_comes_again(monkeypatch):
         signal.raise_signal(signal.SIGINT)
 
 
-def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes():
+def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes() -> None:
     """As pySerial's RFC 2217 client reads: the stop of the robot waits for the same queue."""
     calls, came = 0, [True]
     while came:
@@ -336,7 +339,7 @@ def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes():
 def signal_after(calls, came):
     """A profile function that sends a signal after so many calls of C functions."""
 
-    def profile(_frame, event, _argument):
+    def profile(_frame, event, _argument) -> None:
         nonlocal calls
         calls -= event == "c_return"
         if calls == 0:
@@ -347,14 +350,14 @@ def signal_after(calls, came):
     return profile
 
 
-def test_a_wait_within_a_condition_is_interrupted_all_the_same():
+def test_a_wait_within_a_condition_is_interrupted_all_the_same() -> None:
     with Interruption():
         threading.Timer(0.05, os.kill, [os.getpid(), signal.SIGINT]).start()
         with pytest.raises(KeyboardInterrupt):
             threading.Event().wait(PATIENCE)
 
 
-def test_a_terminal_that_was_left_on_purpose_may_close():
+def test_a_terminal_that_was_left_on_purpose_may_close() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` does
     try:
         with Interruption() as interruption:
@@ -364,7 +367,7 @@ def test_a_terminal_that_was_left_on_purpose_may_close():
         signal.signal(signal.SIGHUP, before)
 
 
-def test_signals_are_held_back_without_an_interruption_too():
+def test_signals_are_held_back_without_an_interruption_too() -> None:
     came = []
     before = signal.signal(signal.SIGINT, lambda *_: came.append("SIGINT"))
     try:
@@ -376,8 +379,8 @@ def test_signals_are_held_back_without_an_interruption_too():
         signal.signal(signal.SIGINT, before)
 
 
-def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(config, tap):
-    def lose():
+def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(config, tap) -> None:
+    def lose() -> None:
         with suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGTERM)
 
@@ -387,7 +390,7 @@ def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(config, tap
     tap.assert_stopped()
 
 
-def test_a_run_in_another_thread_leaves_signals_alone(config):
+def test_a_run_in_another_thread_leaves_signals_alone(config) -> None:
     reports = []
     thread = threading.Thread(target=lambda: reports.append(serve(config)))
     thread.start()
@@ -400,7 +403,7 @@ class BlindAfter:
 
     live = False
 
-    def __init__(self, camera, pictures, error):
+    def __init__(self, camera, pictures, error) -> None:
         self.camera, self.pictures, self.error = camera, pictures, error
 
     def grab(self):
@@ -409,14 +412,14 @@ class BlindAfter:
             raise self.error
         return self.camera.grab()
 
-    def close(self):
+    def close(self) -> None:
         self.camera.close()
 
 
 @pytest.mark.parametrize("error", [CameraError("no picture"), ZeroDivisionError("a defect")])
 def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
-    config, tap, monkeypatch, error
-):
+    config, tap, monkeypatch: pytest.MonkeyPatch, error
+) -> None:
     real = CameraAddress.open
     monkeypatch.setattr(CameraAddress, "open", lambda *a, **k: BlindAfter(real(*a, **k), 3, error))
     endpoint, said = free_endpoint(), SimpleQueue()
@@ -430,7 +433,9 @@ def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
     tap.assert_stopped()
 
 
-def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(config, tap, monkeypatch):
+def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(
+    config, tap, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A defect where pictures are encoded, in mid-drive; the camera would never be missed."""
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
     senders = []
@@ -438,7 +443,7 @@ def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(config, t
         macor_hil.telemetry.publisher, "Sender", lambda: senders.append(Sender()) or senders[-1]
     )
 
-    def die():
+    def die() -> None:
         senders[0].carry_out(lambda: 1 / 0)
         senders[0]._thread.join(PATIENCE)
 
@@ -449,22 +454,22 @@ def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(config, t
     tap.assert_stopped()
 
 
-def test_an_error_in_mid_drive_stops_the_robot(config, tap):
+def test_an_error_in_mid_drive_stops_the_robot(config, tap) -> None:
     tap.in_mid_drive(raising(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
         serve(config)
     tap.assert_stopped()
 
 
-def test_a_garbled_reply_in_mid_drive_is_asked_for_again(config, tap):
+def test_a_garbled_reply_in_mid_drive_is_asked_for_again(config, tap) -> None:
     tap.in_mid_drive(lambda: tap.port.reset_input_buffer() or tap.port.emulator.write(b"\x80\n"))
     assert serve(config).commands == 6
     assert tap.count(b"?") == 3  # to connect, for the garble, to stop
     tap.assert_stopped()
 
 
-def test_a_lost_link_is_said_as_clearly_as_that_no_stop_got_through(config, tap):
-    def cut():
+def test_a_lost_link_is_said_as_clearly_as_that_no_stop_got_through(config, tap) -> None:
+    def cut() -> None:
         tap.meddle = raising(serial.SerialException("device disconnected"))
         raise serial.SerialException("device disconnected")
 
@@ -478,8 +483,8 @@ def test_a_lost_link_is_said_as_clearly_as_that_no_stop_got_through(config, tap)
     assert not tap.port.is_open
 
 
-def test_an_interrupt_without_a_confirmed_stop_is_an_error(config, tap):
-    def interrupt():
+def test_an_interrupt_without_a_confirmed_stop_is_an_error(config, tap) -> None:
+    def interrupt() -> None:
         tap.meddle = raising(serial.SerialException("device disconnected"))
         signal.raise_signal(signal.SIGINT)
 
@@ -488,14 +493,14 @@ def test_an_interrupt_without_a_confirmed_stop_is_an_error(config, tap):
         serve(config)
 
 
-def test_the_robot_is_stopped_when_there_is_no_such_camera(config, tap):
+def test_the_robot_is_stopped_when_there_is_no_such_camera(config, tap) -> None:
     with pytest.raises(CameraError, match="nonsense"):
         serve(changed(config, camera="nonsense"))
     assert tap.requests[-2:] == [STOP, b"E\n"]
     assert not tap.port.is_open
 
 
-def test_what_cannot_be_used_is_named_before_anything_moves(config, tap, tmp_path):
+def test_what_cannot_be_used_is_named_before_anything_moves(config, tap, tmp_path: Path) -> None:
     with pytest.raises(MapError, match="there is no map"):
         serve(changed(config, map_file=tmp_path / "none.npz"))
     with pytest.raises(MacorError, match=r"no planner 'bold'; there are anticipative, reactive"):
@@ -536,14 +541,14 @@ except MacorError as error:
 class Live:
     """An emulator on a pseudo-terminal, and a controller that drives it, as processes."""
 
-    def __init__(self, running, endpoint, map_file):
+    def __init__(self, running, endpoint, map_file) -> None:
         self.running = running
         arguments = [running.path, str(map_file), endpoint]
         self.controller = subprocess.Popen(
             [sys.executable, "-c", RUNNER, *arguments], stdout=subprocess.PIPE, text=True
         )
 
-    def wait_for_a_step(self):
+    def wait_for_a_step(self) -> None:
         line = self.controller.stdout.readline()
         assert line == "step\n", line
 
@@ -567,7 +572,7 @@ def live(map_file):
 
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_real_controller_stops_a_real_line_at_a_signal(live, number):
+def test_a_real_controller_stops_a_real_line_at_a_signal(live, number) -> None:
     live.wait_for_a_step()
     with open_session([], [live.endpoint]) as session:
         bench = ZenohBench(session, "khepera")
@@ -587,7 +592,7 @@ def test_a_real_controller_stops_a_real_line_at_a_signal(live, number):
 
 
 @pytest.mark.wall_clock
-def test_a_real_emulator_that_dies_is_a_clear_error(live):
+def test_a_real_emulator_that_dies_is_a_clear_error(live) -> None:
     live.wait_for_a_step()
     live.running.end(signal.SIGKILL)
     (said,) = live.last_words()

@@ -5,6 +5,7 @@ import os
 import subprocess
 from contextlib import contextmanager
 from math import isclose
+from pathlib import Path
 from queue import Queue
 
 import cv2
@@ -32,7 +33,7 @@ START = load_arena("corridor").start
 
 
 @contextmanager
-def session(listen=(), connect=()):
+def session(listen: tuple[()] = (), connect: list[str] = ()):
     with zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect))) as opened:
         yield opened
 
@@ -53,7 +54,7 @@ def peer(endpoint):
         yield opened
 
 
-def wait_for(opened, key):
+def wait_for(opened, key: str) -> None:
     """Return when a liveliness token is there."""
     alive = Queue()
     with opened.liveliness().declare_subscriber(key, alive.put, history=True):
@@ -77,7 +78,7 @@ def refusal_of(peer, leaf, payload):
     return reply.err.payload.to_string()
 
 
-def truth_of(sample):
+def truth_of(sample) -> Truth:
     assert str(sample.encoding) == "application/json;khepera.Truth"
     return Truth.model_validate_json(sample.payload.to_bytes())
 
@@ -91,7 +92,7 @@ def decode(sample):
 
 
 class TestLifetime:
-    def test_a_channel_beside_another_goes_alone(self, tmp_path):
+    def test_a_channel_beside_another_goes_alone(self, tmp_path: Path) -> None:
         """Its descriptor may be another file's by the time that somebody asks for it."""
         place = free_endpoint()
         log = tmp_path / "log"
@@ -113,7 +114,7 @@ class TestLifetime:
 
 class TestCamera:
     @pytest.mark.parametrize("request_payload", [None, "{}", '{"view": "mirror"}'])
-    def test_gives_a_lossless_mirror_image(self, peer, request_payload):
+    def test_gives_a_lossless_mirror_image(self, peer, request_payload: str | None) -> None:
         sample = sample_of(peer, "camera", request_payload)
         assert sample.encoding == zenoh.Encoding.IMAGE_PNG
         image = decode(sample)
@@ -121,13 +122,13 @@ class TestCamera:
         assert not image[0, 0].any()  # outside the mirror
         assert image[Mirror().height // 4, Mirror().width // 2].any()
 
-    def test_gives_a_panorama_as_jpeg(self, peer):
+    def test_gives_a_panorama_as_jpeg(self, peer) -> None:
         sample = sample_of(peer, "camera", '{"view": "panorama", "encoding": "jpeg"}')
         assert sample.encoding == zenoh.Encoding.IMAGE_JPEG
         height, width, _ = decode(sample).shape
         assert width > height
 
-    def test_shows_the_moment_of_the_query(self, peer):
+    def test_shows_the_moment_of_the_query(self, peer) -> None:
         sample_of(peer, "reset", json.dumps({"seed": 3}))
         ahead = decode(sample_of(peer, "camera")).astype(int)
         again = decode(sample_of(peer, "camera")).astype(int)
@@ -145,10 +146,12 @@ class TestCamera:
             (b"\xff\xfe", "the payload: Invalid JSON"),
         ],
     )
-    def test_refuses_what_it_does_not_understand(self, peer, payload, sentence):
+    def test_refuses_what_it_does_not_understand(
+        self, peer, payload: bytes | str, sentence: str
+    ) -> None:
         assert refusal_of(peer, "camera", payload).startswith(sentence)
 
-    def test_streams_numbered_frames_while_someone_listens(self, peer):
+    def test_streams_numbered_frames_while_someone_listens(self, peer) -> None:
         frames = Queue()
         with peer.declare_subscriber("khepera/khepera/camera", frames.put):
             seen = [frames.get(timeout=PATIENCE) for _ in range(3)]
@@ -163,14 +166,14 @@ class TestCamera:
 
 
 class TestTruth:
-    def test_is_told_with_its_time_and_number(self, peer):
+    def test_is_told_with_its_time_and_number(self, peer) -> None:
         samples = [sample_of(peer, "truth") for _ in range(2)]
         first, second = map(stamp_of, samples)
         assert second.sequence == first.sequence + 1
         assert second.time > first.time
         assert truth_of(samples[0]).time == first.time
 
-    def test_is_streamed_while_someone_listens(self, peer):
+    def test_is_streamed_while_someone_listens(self, peer) -> None:
         truths = Queue()
         with peer.declare_subscriber("khepera/khepera/truth", truths.put):
             seen = [truths.get(timeout=PATIENCE) for _ in range(2)]
@@ -178,18 +181,18 @@ class TestTruth:
 
 
 class TestReset:
-    def test_puts_the_robot_where_it_is_told(self, peer):
+    def test_puts_the_robot_where_it_is_told(self, peer) -> None:
         wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
         truth = truth_of(sample_of(peer, "reset", json.dumps({"pose": wanted})))
         assert truth.pose.model_dump() == pytest.approx(wanted)
         assert truth_of(sample_of(peer, "truth")).pose == truth.pose
 
-    def test_goes_to_the_start_by_default(self, peer):
+    def test_goes_to_the_start_by_default(self, peer) -> None:
         pose = truth_of(sample_of(peer, "reset", "{}")).pose
         assert (pose.x, pose.y) == (START.x, START.y)
 
     @pytest.mark.parametrize("payload", [None, ""])
-    def test_takes_a_payload_that_says_so(self, peer, payload):
+    def test_takes_a_payload_that_says_so(self, peer, payload: str | None) -> None:
         assert refusal_of(peer, "reset", payload) == (
             "khepera/khepera/reset takes a payload that says what to do, if only {}: a Reset in"
             " JSON, see docs/keys.md"
@@ -199,7 +202,9 @@ class TestReset:
         "selector", ["khepera/**", "**", "khepera/*/reset", "khepera/khepera/re$*"]
     )
     @pytest.mark.parametrize("payload", [None, "{}"])
-    def test_does_not_come_from_a_look_around(self, peer, selector, payload):
+    def test_does_not_come_from_a_look_around(
+        self, peer, selector: str, payload: str | None
+    ) -> None:
         wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
         sample_of(peer, "reset", json.dumps({"pose": wanted}))
         replies = list(peer.get(selector, payload=payload, timeout=PATIENCE))
@@ -209,7 +214,7 @@ class TestReset:
         assert ("khepera/khepera/truth" in told) == ("re" not in selector)
         assert truth_of(sample_of(peer, "truth")).pose.model_dump() == pytest.approx(wanted)
 
-    def test_with_a_seed_depends_on_nothing_before(self, peer):
+    def test_with_a_seed_depends_on_nothing_before(self, peer) -> None:
         request = json.dumps({"seed": 7, "random": True})
         first = truth_of(sample_of(peer, "reset", request))
         truth_of(sample_of(peer, "reset", json.dumps({"random": True})))
@@ -235,14 +240,16 @@ class TestReset:
             (" " * 20_000, "the payload has 20,000 bytes, and 10,000 at most are read"),
         ],
     )
-    def test_refuses_clearly_and_changes_nothing(self, peer, payload, sentence):
+    def test_refuses_clearly_and_changes_nothing(self, peer, payload: str, sentence: str) -> None:
         before = truth_of(sample_of(peer, "reset", "{}"))
         assert refusal_of(peer, "reset", payload).startswith(sentence)
         assert truth_of(sample_of(peer, "truth")).pose == before.pose
 
     @pytest.mark.parametrize("field", ["x", "y", "heading"])
     @pytest.mark.parametrize("value", ["1e308", "-1e155", "1e400", "NaN"])
-    def test_numbers_beyond_all_bounds_do_not_end_the_emulator(self, peer, field, value):
+    def test_numbers_beyond_all_bounds_do_not_end_the_emulator(
+        self, peer, field: str, value: str
+    ) -> None:
         pose = {"x": "0.3", "y": "0.0", "heading": "0.0", field: value}
         fields = ", ".join(f'"{name}": {number}' for name, number in pose.items())
         assert refusal_of(peer, "reset", f'{{"pose": {{{fields}}}}}')
@@ -250,7 +257,7 @@ class TestReset:
 
 
 class TestTogether:
-    def test_line_drives_what_truth_tells(self):
+    def test_line_drives_what_truth_tells(self) -> None:
         place = free_endpoint()
         with (
             emulator("--listen", place, "--robot", "second", "--drift", "none") as running,
@@ -269,7 +276,7 @@ class TestTogether:
             assert pose.x >= START.x + moved * 0.08e-3
             assert isclose(pose.y, START.y, abs_tol=1e-3)
 
-    def test_peers_find_each_other_through_the_emulator(self, endpoint):
+    def test_peers_find_each_other_through_the_emulator(self, endpoint) -> None:
         with (
             session(listen=[free_endpoint()], connect=[endpoint]) as controller,
             session(connect=[endpoint]) as monitor,
@@ -282,14 +289,14 @@ class TestTogether:
                 assert found.get(timeout=PATIENCE).kind == zenoh.SampleKind.PUT
             token.undeclare()
 
-    def test_peer_may_come_later_and_again(self):
+    def test_peer_may_come_later_and_again(self) -> None:
         later = free_endpoint()
         with emulator("--listen", free_endpoint(), "--connect", later):
             for _ in range(2):
                 with session(listen=[later]) as peer:
                     wait_for(peer, "khepera/khepera/alive")
 
-    def test_endpoint_in_use_is_one_sentence(self, endpoint):
+    def test_endpoint_in_use_is_one_sentence(self, endpoint) -> None:
         second = subprocess.run(
             [*COMMAND, "--listen", endpoint],
             capture_output=True,
@@ -304,7 +311,7 @@ class TestTogether:
 
 
 class TestArena:
-    def test_is_told_to_be_drawn(self, peer):
+    def test_is_told_to_be_drawn(self, peer) -> None:
         outline = Outline.model_validate_json(sample_of(peer, "arena").payload.to_bytes())
         assert outline.title == load_arena("corridor").title
         assert (outline.start.x, outline.start.y) == (START.x, START.y)
@@ -316,7 +323,7 @@ class TestArena:
 
 
 class TestWire:
-    def test_what_passes_on_the_line_is_published_and_kept_for_queries(self):
+    def test_what_passes_on_the_line_is_published_and_kept_for_queries(self) -> None:
         place = free_endpoint()
         with (
             emulator("--listen", place) as robot,
@@ -342,7 +349,7 @@ class TestWire:
 
 
 class TestWireTap:
-    def test_keeps_the_latest_entries_and_numbers_all(self):
+    def test_keeps_the_latest_entries_and_numbers_all(self) -> None:
         tap = WireTap()
         for number in range(MOST_ENTRIES + 3):
             tap.request(float(number), b"N\n")
@@ -352,13 +359,13 @@ class TestWireTap:
         assert [entry.time for entry in late.entries] == [MOST_ENTRIES + 2.0]
         assert tap.since(tap.count).entries == []
 
-    def test_settings_are_told_when_they_are_new(self):
+    def test_settings_are_told_when_they_are_new(self) -> None:
         tap = WireTap()
         for baud in (9600, 9600, 19200):
             tap.line(1.0, LineFormat(baud, 8, "N", 2.0))
         assert [entry.text for entry in tap.since(0).entries] == ["9600 8N2", "19200 8N2"]
 
-    def test_what_is_told_at_once_has_an_end(self):
+    def test_what_is_told_at_once_has_an_end(self) -> None:
         tap = WireTap()
         for number in range(100):
             tap.request(float(number), b"x" * 50_000)
@@ -367,7 +374,7 @@ class TestWireTap:
         assert {len(entry.text) for entry in wire.entries} == {MOST_TEXT}
         assert Wire.parse(wire.model_dump_json().encode()) == wire
 
-    def test_bytes_that_are_no_text_are_kept(self):
+    def test_bytes_that_are_no_text_are_kept(self) -> None:
         tap = WireTap()
         tap.reply(1.0, bytes(range(256)))
         (entry,) = tap.since(0).entries

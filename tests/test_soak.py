@@ -11,7 +11,7 @@ SWING = 1
 
 
 @pytest.fixture(scope="module", params=PORTS)
-def place(request):
+def place(request: pytest.FixtureRequest):
     with robot_at(request.param) as place:
         yield place
 
@@ -23,28 +23,28 @@ def robot(place):
     return place
 
 
-def assert_flat(before, after):
+def assert_flat(before, after) -> None:
     assert abs(after.files - before.files) <= SWING
     assert after.kilobytes < before.kilobytes + LEAK
 
 
-def test_the_next_good_request_after_garbage_is_answered_at_once(place):
+def test_the_next_good_request_after_garbage_is_answered_at_once(place) -> None:
     fuzzed = take_fuzz(place, 100_000)
     assert_flat(fuzzed.before, fuzzed.after)
     assert fuzzed.answer < 1.0
 
 
-def test_reopening_leaves_nothing_behind(place):
+def test_reopening_leaves_nothing_behind(place) -> None:
     assert_flat(reopen(place, 20), place.use())
 
 
-def test_killed_clients_leave_nothing_to_the_next(robot):
+def test_killed_clients_leave_nothing_to_the_next(robot) -> None:
     before = robot.use()
     kill_clients(robot, 3)
     assert_flat(before, robot.use())
 
 
-def test_a_client_that_never_reads_leaves_nothing_to_the_next(robot):
+def test_a_client_that_never_reads_leaves_nothing_to_the_next(robot) -> None:
     before = robot.use()
     never_read(robot, 10_000)
     assert_flat(before, robot.use())

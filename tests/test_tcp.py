@@ -23,7 +23,7 @@ KINDS = pytest.mark.parametrize("port", [TcpPort, Rfc2217Port], indirect=True)
 
 
 @pytest.fixture
-def port(request):
+def port(request: pytest.FixtureRequest):
     opened = getattr(request, "param", TcpPort)("127.0.0.1:0")
     yield opened
     opened.close()
@@ -45,7 +45,7 @@ def received(port, count, limit=MUCH):
     return chunks
 
 
-def admitted(port, count=1):
+def admitted(port, count=1) -> None:
     """Wait for clients at the door and let them in, or not."""
     for _ in range(count):
         assert select.select(port.descriptors(room=False)[:1], (), (), PATIENCE)[0]
@@ -67,7 +67,7 @@ def exactly(connection, count):
 
 
 class TestBytes:
-    def test_pass_unchanged_in_both_directions(self, port):
+    def test_pass_unchanged_in_both_directions(self, port) -> None:
         every_byte = bytes(range(256))
         with client(port) as connection:
             connection.sendall(every_byte)
@@ -75,7 +75,7 @@ class TestBytes:
             port.write(every_byte)
             assert exactly(connection, 256) == every_byte
 
-    def test_beyond_the_limit_stay_with_the_client(self, port):
+    def test_beyond_the_limit_stay_with_the_client(self, port) -> None:
         with client(port) as connection:
             connection.sendall(b"abcdef")
             assert received(port, 4, 4) == [b"abcd"]
@@ -83,7 +83,7 @@ class TestBytes:
             assert received(port, 2, 4) == [b"ef"]
 
     @KINDS
-    def test_that_nobody_reads_are_dropped_and_counted(self, port):
+    def test_that_nobody_reads_are_dropped_and_counted(self, port) -> None:
         with client(port):
             admitted(port)
             for _ in range(1000):
@@ -91,19 +91,21 @@ class TestBytes:
             assert port.dropped > 2_000_000
 
     @KINDS
-    def test_to_nobody_are_no_loss(self, port):
+    def test_to_nobody_are_no_loss(self, port) -> None:
         port.write(b"x")
         assert port.receive(MUCH) == []
 
 
 class TestClients:
-    def test_leave_after_their_last_byte(self, port):
+    def test_leave_after_their_last_byte(self, port) -> None:
         with client(port) as connection:
             connection.sendall(b"abcdef")
         assert received(port, 7, 4) == [b"abcd", b"ef", b""]
 
     @KINDS
-    def test_beyond_the_first_are_told_why_and_turned_away(self, port, monkeypatch):
+    def test_beyond_the_first_are_told_why_and_turned_away(
+        self, port, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         with client(port) as first:
             admitted(port)
@@ -118,7 +120,9 @@ class TestClients:
             first.sendall(b"N\n")
             assert received(port, 2) == [b"N\n"]
 
-    def test_wait_for_a_moment_for_one_that_is_about_to_leave(self, port, monkeypatch):
+    def test_wait_for_a_moment_for_one_that_is_about_to_leave(
+        self, port, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(tcp, "GRACE", PATIENCE)
         with client(port) as first:
             admitted(port)
@@ -130,7 +134,9 @@ class TestClients:
                 port.write(b"b\r\n")
                 assert exactly(second, 3) == b"b\r\n"
 
-    def test_at_the_door_are_not_without_number(self, port, monkeypatch):
+    def test_at_the_door_are_not_without_number(
+        self, port, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(tcp, "GRACE", PATIENCE)
         with client(port), ExitStack() as stack:
             admitted(port)
@@ -141,7 +147,7 @@ class TestClients:
             assert all_of(crowd[3]).startswith(b"the robot's line is in use")
             assert not select.select(crowd[4:], (), (), 0)[0]
 
-    def test_take_the_place_of_one_that_has_left_unseen(self, port):
+    def test_take_the_place_of_one_that_has_left_unseen(self, port) -> None:
         with client(port) as first:
             admitted(port)
             first.sendall(b"O\nE\n")
@@ -151,7 +157,7 @@ class TestClients:
             port.write(b"b\r\n")
             assert exactly(second, 3) == b"b\r\n"
 
-    def test_that_leave_without_reading_have_their_requests_taken(self, port):
+    def test_that_leave_without_reading_have_their_requests_taken(self, port) -> None:
         with client(port) as connection:
             connection.sendall(b"N\n")
             assert received(port, 2) == [b"N\n"]
@@ -163,14 +169,14 @@ class TestClients:
         assert port.dropped == 0
 
     @KINDS
-    def test_are_told_of_the_end(self, port):
+    def test_are_told_of_the_end(self, port) -> None:
         with client(port) as connection:
             admitted(port)
             port.close()
             all_of(connection)
 
     @KINDS
-    def test_that_end_their_sending_side_have_the_line_until_all_is_said(self, port):
+    def test_that_end_their_sending_side_have_the_line_until_all_is_said(self, port) -> None:
         with client(port) as connection:
             connection.sendall(b"B\n")
             connection.shutdown(socket.SHUT_WR)
@@ -181,7 +187,9 @@ class TestClients:
             assert received(port, 1) == [b""]
             assert all_of(connection).endswith(b"b\r\n")
 
-    def test_that_only_listen_give_way_to_another_one(self, port, monkeypatch):
+    def test_that_only_listen_give_way_to_another_one(
+        self, port, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         with client(port) as first:
             first.sendall(b"B\n")
@@ -201,10 +209,10 @@ class TestClients:
                 assert exactly(second, 3) == b"h\r\n"
 
     @KINDS
-    def test_that_left_much_behind_do_not_keep_the_line(self, port):
+    def test_that_left_much_behind_do_not_keep_the_line(self, port) -> None:
         much = b"N\n" * 1_500_000  # an hour at 9600
 
-        def write_and_leave():
+        def write_and_leave() -> None:
             with client(port) as first:
                 first.sendall(much)
 
@@ -223,7 +231,9 @@ class TestClients:
             assert received(port, 2) == [b"H\n"]
         thread.join(PATIENCE)
 
-    def test_that_write_without_end_are_held_back(self, port, monkeypatch):
+    def test_that_write_without_end_are_held_back(
+        self, port, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(tcp, "_AHEAD", 100_000)
         with client(port) as connection:
             connection.setblocking(False)
@@ -243,7 +253,9 @@ class TestClients:
                 [chunk] = received(port, 1, 3000)
                 taken += len(chunk)
 
-    def test_that_wrote_too_much_give_way_to_another_one(self, port, monkeypatch):
+    def test_that_wrote_too_much_give_way_to_another_one(
+        self, port, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(tcp, "_AHEAD", 1000)
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         with client(port) as first:
@@ -257,7 +269,7 @@ class TestClients:
                     chunks += port.receive(0, answered=False)
                 assert received(port, 2) == [b"H\n"]
 
-    def test_may_come_and_go_often(self, port):
+    def test_may_come_and_go_often(self, port) -> None:
         for turn in range(100):
             with client(port) as connection:
                 connection.sendall(b"%03d\n" % turn)
@@ -267,7 +279,9 @@ class TestClients:
 class TestLog:
     """At the level `info` it is told who comes and goes, and what is refused."""
 
-    def test_tells_who_comes_and_goes_and_who_is_turned_away(self, port, monkeypatch, caplog):
+    def test_tells_who_comes_and_goes_and_who_is_turned_away(
+        self, port, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         caplog.set_level("INFO")
         with client(port) as first:
@@ -291,7 +305,9 @@ class TestLog:
             (rfc2217.SET_PARITY + b"\x63", "wants the option 2c 03 63, which is refused"),
         ],
     )
-    def test_tells_which_settings_are_refused(self, port, caplog, data, told):
+    def test_tells_which_settings_are_refused(
+        self, port, caplog: pytest.LogCaptureFixture, data, told: str
+    ) -> None:
         caplog.set_level("INFO")
         with client(port) as connection:
             option = setting(data[:1], data[1:].replace(b"\xff", b"\xff\xff"))
@@ -322,7 +338,7 @@ class TestTelnet:
             seen += chunk
         return seen[:-4]
 
-    def test_settings_are_the_clients(self, port):
+    def test_settings_are_the_clients(self, port) -> None:
         assert port.settings() == LineFormat(9600)
         with client(port) as connection:
             data = (
@@ -335,7 +351,7 @@ class TestTelnet:
             assert self.taken(port, connection, data) == b"B"
             assert port.settings() == LineFormat(38400, 7, "E", 2)
 
-    def test_every_byte_passes_in_both_directions(self, port):
+    def test_every_byte_passes_in_both_directions(self, port) -> None:
         every_byte = bytes(range(256))
         escaped = every_byte.replace(b"\xff", b"\xff\xff")
         with client(port) as connection:
@@ -361,16 +377,16 @@ class TestTelnet:
             rfc2217.IAC + b"\x00",
         ],
     )
-    def test_nonsense_changes_nothing(self, port, nonsense):
+    def test_nonsense_changes_nothing(self, port, nonsense) -> None:
         with client(port) as connection:
             assert self.taken(port, connection, nonsense + b"B\n") == b"B\n"
             assert port.settings() == LineFormat(9600)
 
-    def test_an_option_without_an_end_is_forgotten(self, port):
+    def test_an_option_without_an_end_is_forgotten(self, port) -> None:
         with client(port) as connection:
             assert self.taken(port, connection, IAC_SB + b"x" * 1000 + b"B\n").endswith(b"xB\n")
 
-    def test_a_client_that_never_reads_is_dropped_in_the_end(self, port):
+    def test_a_client_that_never_reads_is_dropped_in_the_end(self, port) -> None:
         ask = setting(rfc2217.SET_BAUDRATE, bytes(4)) * 100
         with client(port) as connection:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -383,7 +399,7 @@ class TestTelnet:
                     connection.send(ask)
                 goodbye = [chunk for chunk in port.receive(1 << 16) if not chunk]
 
-    def test_no_escape_is_cut_in_half(self, port):
+    def test_no_escape_is_cut_in_half(self, port) -> None:
         with client(port) as connection:
             admitted(port)
             written = 0
@@ -400,7 +416,7 @@ class TestTelnet:
             data += all_of(connection)
         assert data[start:] == b"\xff" * (2 * kept) + b"x"
 
-    def test_settings_are_seen_behind_bytes_that_wait(self, port):
+    def test_settings_are_seen_behind_bytes_that_wait(self, port) -> None:
         with client(port) as connection:
             admitted(port)
             connection.sendall(b"N\n" * 50_000)
@@ -418,7 +434,7 @@ class TestTelnet:
             (rfc2217.PURGE_RECEIVE_BUFFER, b"N\nO\n"),
         ],
     )
-    def test_what_waits_can_be_taken_back(self, port, what, rest):
+    def test_what_waits_can_be_taken_back(self, port, what, rest: bytes) -> None:
         with client(port) as connection:
             data = b"N\nO\n" + setting(rfc2217.PURGE_DATA, what) + b"B\n"
             assert self.taken(port, connection, data) == rest + b"B\n"
@@ -434,7 +450,9 @@ class TestTelnet:
             ((rfc2217.IAC + rfc2217.WILL + rfc2217.BINARY, b"B\r\0"), b"B\r\0"),
         ],
     )
-    def test_a_nul_behind_a_return_is_dropped_unless_the_line_is_binary(self, port, pieces, meant):
+    def test_a_nul_behind_a_return_is_dropped_unless_the_line_is_binary(
+        self, port, pieces, meant: bytes
+    ) -> None:
         with client(port) as connection:
             admitted(port)
             for piece in pieces:
@@ -444,11 +462,11 @@ class TestTelnet:
             assert self.taken(port, connection, b"") == meant
 
     @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-    def test_pyserial_opens_it(self, port):
+    def test_pyserial_opens_it(self, port) -> None:
         """The whole of pySerial's negotiation, with its own client."""
         seen = []
 
-        def serve():
+        def serve() -> None:
             while b"" not in seen:
                 select.select(port.descriptors(room=True), (), (), PATIENCE)
                 seen.extend(port.receive(MUCH))
@@ -476,7 +494,7 @@ class TestAddress:
             ("[::1]:65535", ("::1", 65535)),
         ],
     )
-    def test_is_host_and_port(self, text, parts):
+    def test_is_host_and_port(self, text: str, parts: tuple[str, int]) -> None:
         assert tcp_address(text) == parts
 
     @pytest.mark.parametrize(
@@ -493,14 +511,14 @@ class TestAddress:
             "\x1b" * 999,
         ],
     )
-    def test_is_nothing_else(self, text):
+    def test_is_nothing_else(self, text: str) -> None:
         with pytest.raises(EmulatorError, match="give HOST:PORT") as refused:
             tcp_address(text)
         assert str(refused.value).isprintable()
         assert len(str(refused.value)) < 350
 
     @pytest.mark.parametrize("address", ["0.0.0.0:0", "[::]:0"])
-    def test_beyond_this_machine_has_to_be_allowed(self, address):
+    def test_beyond_this_machine_has_to_be_allowed(self, address: str) -> None:
         with pytest.raises(EmulatorError, match="add --expose"):
             TcpPort(address)
         try:
@@ -509,16 +527,16 @@ class TestAddress:
             pytest.skip(str(error))  # a machine without IPv6
         port.close()
 
-    def test_in_use_is_refused(self, port):
+    def test_in_use_is_refused(self, port) -> None:
         with pytest.raises(EmulatorError, match=r"cannot listen on 127.0.0.1:\d+: Address already"):
             TcpPort(port.url.partition("//")[2])
 
-    def test_of_nobody_is_refused(self):
+    def test_of_nobody_is_refused(self) -> None:
         with pytest.raises(EmulatorError, match="no address nowhere"):
             TcpPort("nowhere.invalid:1")
 
     @pytest.mark.parametrize("host", ["x" * 64, "a..b", "x" * 300])
-    def test_with_a_label_that_is_none_is_refused(self, host):
+    def test_with_a_label_that_is_none_is_refused(self, host: str) -> None:
         with pytest.raises(EmulatorError, match=r"no address [a-x.]{4,60}…?"):
             TcpPort(f"{host}:1")
 
@@ -532,11 +550,11 @@ class TestChoice:
             ({"rfc2217": "127.0.0.1:0"}, Rfc2217Port),
         ],
     )
-    def test_is_one_port(self, options, kind):
+    def test_is_one_port(self, options, kind) -> None:
         port = open_port(**options)
         assert type(port) is kind
         port.close()
 
-    def test_is_not_two(self):
+    def test_is_not_two(self) -> None:
         with pytest.raises(EmulatorError, match="a robot has one line"):
             open_port(tcp="127.0.0.1:0", rfc2217="127.0.0.1:0")

@@ -49,7 +49,7 @@ def stamp(sample):
     return Stamp.model_validate_json(sample.attachment.to_bytes())
 
 
-def test_a_decision_arrives_as_it_was_with_encoding_stamp_and_timestamp(endpoint):
+def test_a_decision_arrives_as_it_was_with_encoding_stamp_and_timestamp(endpoint) -> None:
     with publishing(endpoint) as (session, publisher), watching(endpoint, DECISION) as (_, samples):
         wait_until_watched(session, DECISION)
         for sequence in (0, 1):
@@ -62,7 +62,7 @@ def test_a_decision_arrives_as_it_was_with_encoding_stamp_and_timestamp(endpoint
             assert sample.timestamp is not None
 
 
-def test_a_frame_arrives_as_a_jpeg_with_its_own_time(endpoint):
+def test_a_frame_arrives_as_a_jpeg_with_its_own_time(endpoint) -> None:
     with publishing(endpoint) as (session, publisher), watching(endpoint, FRAME) as (_, samples):
         wait_until_watched(session, FRAME)
         publisher.frame(a_frame(time=0.25))
@@ -75,7 +75,7 @@ def test_a_frame_arrives_as_a_jpeg_with_its_own_time(endpoint):
     assert sample.timestamp is not None
 
 
-def test_nothing_is_encoded_while_nobody_listens(endpoint, monkeypatch):
+def test_nothing_is_encoded_while_nobody_listens(endpoint, monkeypatch: pytest.MonkeyPatch) -> None:
     encoded = []
     monkeypatch.setattr(cv2, "imencode", lambda *args: encoded.append(args))
     with publishing(endpoint) as (_, publisher):
@@ -83,7 +83,7 @@ def test_nothing_is_encoded_while_nobody_listens(endpoint, monkeypatch):
     assert not encoded
 
 
-def test_a_watched_camera_publishes_what_it_gives():
+def test_a_watched_camera_publishes_what_it_gives() -> None:
     class Camera:
         live = True
         closed = False
@@ -91,7 +91,7 @@ def test_a_watched_camera_publishes_what_it_gives():
         def grab(self):
             return a_frame()
 
-        def close(self):
+        def close(self) -> None:
             self.closed = True
 
     published = []
@@ -102,7 +102,7 @@ def test_a_watched_camera_publishes_what_it_gives():
     assert camera.closed
 
 
-def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint):
+def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint) -> None:
     with publishing(endpoint) as (_, publisher):
         publisher.decision(a_decision(0))
         publisher.decision(a_decision(1))
@@ -117,7 +117,9 @@ def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint):
             assert stamp(state) == Stamp(sequence=0, time=9.0)
 
 
-def test_an_answer_does_not_overtake_what_is_on_its_way(endpoint, monkeypatch):
+def test_an_answer_does_not_overtake_what_is_on_its_way(
+    endpoint, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sent = threading.Event()
     with publishing(endpoint) as (_, publisher), watching(endpoint) as (session,):
         monkeypatch.setattr(publisher._frames, "put", lambda _: sent.wait(PATIENCE))
@@ -129,7 +131,7 @@ def test_an_answer_does_not_overtake_what_is_on_its_way(endpoint, monkeypatch):
         assert ask_until(session, DECISION, stamp)
 
 
-def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoint):
+def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoint) -> None:
     with (
         publishing(endpoint) as (session, publisher),
         watching(endpoint, DECISION) as (watcher, samples),
@@ -139,13 +141,13 @@ def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoin
         assert ask_until(watcher, DECISION, stamp).timestamp == receive(samples).timestamp
 
 
-def test_a_query_before_the_first_decision_is_told_so(endpoint):
+def test_a_query_before_the_first_decision_is_told_so(endpoint) -> None:
     with publishing(endpoint), watching(endpoint) as (session,):
         assert ask(session, DECISION).err.payload.to_string() == "no decision yet"
 
 
 @pytest.mark.parametrize(("key", "payload"), [(DECISION, a_decision()), (STATE, a_state())])
-def test_describe_gives_the_schema_of_the_payload(endpoint, key, payload):
+def test_describe_gives_the_schema_of_the_payload(endpoint, key, payload) -> None:
     with publishing(endpoint), watching(endpoint) as (session,):
         reply = ask(session, f"{key}?describe").ok
     assert str(reply.encoding) == "application/schema+json"
@@ -155,7 +157,7 @@ def test_describe_gives_the_schema_of_the_payload(endpoint, key, payload):
         check({**json.loads(payload.model_dump_json()), "unknown": 1}, schema)
 
 
-def check(value, schema):
+def check(value, schema) -> None:
     """Assert that a value follows a schema."""
     if "enum" in schema:
         assert value in schema["enum"]
@@ -193,7 +195,7 @@ def looks_and_puts(session):
     session.delete("macor/khepera/stop")
 
 
-def test_a_look_at_all_keys_ends_no_run_that_has_a_stop_key(endpoint):
+def test_a_look_at_all_keys_ends_no_run_that_has_a_stop_key(endpoint) -> None:
     asked, told = [], SimpleQueue()
     with (
         open_session([endpoint], []) as session,
@@ -212,7 +214,7 @@ def test_a_look_at_all_keys_ends_no_run_that_has_a_stop_key(endpoint):
         assert asked == ["the stop key"]
 
 
-def test_a_sample_with_the_wish_on_the_very_key_ends_a_run(endpoint):
+def test_a_sample_with_the_wish_on_the_very_key_ends_a_run(endpoint) -> None:
     asked = SimpleQueue()
     with (
         open_session([endpoint], []) as session,
@@ -224,8 +226,8 @@ def test_a_sample_with_the_wish_on_the_very_key_ends_a_run(endpoint):
         assert receive(asked) == "the stop key"
 
 
-def test_a_controller_that_does_not_let_itself_be_stopped_says_why(endpoint):
-    def answer(query):
+def test_a_controller_that_does_not_let_itself_be_stopped_says_why(endpoint) -> None:
+    def answer(query) -> None:
         with query:
             query.reply_err(b"\x1b[31mno\xff")
 
@@ -238,7 +240,7 @@ def test_a_controller_that_does_not_let_itself_be_stopped_says_why(endpoint):
             ask_to_stop(other, "khepera")
 
 
-def test_liveliness_tells_of_coming_and_going(endpoint):
+def test_liveliness_tells_of_coming_and_going(endpoint) -> None:
     with open_session([endpoint], []) as session:
         samples = SimpleQueue()
         session.liveliness().declare_subscriber("macor/khepera/alive", samples.put, history=True)
@@ -257,7 +259,7 @@ with open_session([], [sys.argv[1]]) as session:
 """
 
 
-def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
+def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint) -> None:
     noise = np.random.default_rng(1).integers(0, 256, (200, 200, 3)).astype(np.uint8)
     frame = Frame(noise, 0.0, 0)  # a thousand of some 40 kB: more than the link's buffers hold
     with publishing(endpoint) as (session, publisher):
@@ -283,7 +285,7 @@ def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
     assert longest < 1.0  # a blocking put waits for five seconds
 
 
-def test_an_endpoint_in_use_is_one_clear_sentence(endpoint):
+def test_an_endpoint_in_use_is_one_clear_sentence(endpoint) -> None:
     with (
         open_session([endpoint], []),
         pytest.raises(TelemetryError) as failure,
@@ -297,15 +299,17 @@ def test_an_endpoint_in_use_is_one_clear_sentence(endpoint):
     assert isinstance(failure.value, MacorError)
 
 
-def test_a_malformed_endpoint_is_one_clear_sentence():
+def test_a_malformed_endpoint_is_one_clear_sentence() -> None:
     refused = pytest.raises(TelemetryError, match=r"nonsense.*looks like tcp/")
     with refused, open_session(["nonsense"], []):
         pass
 
 
-def test_a_session_that_does_not_close_is_told_and_no_more(endpoint, monkeypatch, caplog):
+def test_a_session_that_does_not_close_is_told_and_no_more(
+    endpoint, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     class Stubborn:
-        def close(self):
+        def close(self) -> None:
             raise zenoh.ZError("close operation timed out! at /somewhere.rs:1.")
 
     monkeypatch.setattr(zenoh, "open", lambda _: Stubborn())
@@ -315,11 +319,11 @@ def test_a_session_that_does_not_close_is_told_and_no_more(endpoint, monkeypatch
 
 
 @pytest.mark.parametrize("name", ["", "*", "a/b", "a b", "robot#1", "rob\not"])
-def test_a_robot_needs_a_name_that_can_be_a_key(endpoint, name):
+def test_a_robot_needs_a_name_that_can_be_a_key(endpoint, name: str) -> None:
     with pytest.raises(TelemetryError), publishing(endpoint, name):
         pass
 
 
-def test_a_decision_takes_eight_infrared_readings():
+def test_a_decision_takes_eight_infrared_readings() -> None:
     with pytest.raises(ValidationError):
         a_decision(infrared=[1, 2, 3])

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from as_type import as_type
 from planning import square
 
 import macor_hil.runs.checkpoints
@@ -19,6 +20,7 @@ from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver, DriveSettings
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.mind.brain import Brain
+from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.checkpoints import checkpoint_path, train_map
@@ -64,7 +66,7 @@ def test_training_learns_one_transition_a_command(tmp_path: Path) -> None:
     brain = train(tmp_path / "a.npz")
     assert square(brain.memories["transitions"], "z").sum() == SHORT.random + SHORT.reactive
     assert 0 < brain.clusterer.size <= 12
-    assert brain.eyes.fields.high != (1.0, 1.0, 1.0)
+    assert as_type(PanoramaEyes, brain.eyes).fields.high != (1.0, 1.0, 1.0)
     assert not checkpoint_path(tmp_path / "a.npz").exists()
 
 

@@ -16,7 +16,7 @@ REPLY_FIELDS = {
 }
 
 
-def test_the_table_is_that_of_the_specification():
+def test_the_table_is_that_of_the_specification() -> None:
     assert {name: "".join(kind.messages) for name, kind in TURRETS.items()} == LETTERS
     assert {name: kind.number for name, kind in TURRETS.items()} == NUMBERS
     for name, counts in REPLY_FIELDS.items():
@@ -33,7 +33,7 @@ def messages(draw):
 
 
 @given(messages(), st.data())
-def test_messages_and_replies_survive_the_line(drawn, data):
+def test_messages_and_replies_survive_the_line(drawn, data) -> None:
     kind, message, numbers = drawn
     request = build_message(kind.name, message.letter, *numbers)
     assert parse_request(request.encode().rstrip(b"\n")) == request
@@ -59,13 +59,13 @@ def test_messages_and_replies_survive_the_line(drawn, data):
         ("radio", ("S", "1", "1", "0"), "z,Protocol error"),
     ],
 )
-def test_refused_message(name, rest, answer):
+def test_refused_message(name: str, rest: tuple[str, ...], answer: str) -> None:
     with pytest.raises(RequestError) as caught:
         parse_message(TURRETS[name], rest)
     assert caught.value.reply == answer
 
 
-def test_what_follows_a_message_without_arguments():
+def test_what_follows_a_message_without_arguments() -> None:
     kind = TURRETS["gripper"]
     assert parse_message(kind, ("F ", "1"))[1] == ()
     with pytest.raises(RequestError):
@@ -73,7 +73,7 @@ def test_what_follows_a_message_without_arguments():
 
 
 @pytest.mark.parametrize("name", ["general-io", "laser"])
-def test_no_message_goes_to_a_turret_without_a_number(name):
+def test_no_message_goes_to_a_turret_without_a_number(name: str) -> None:
     with pytest.raises(RequestError, match="takes messages"):
         build_message(name, "B")
 
@@ -88,14 +88,14 @@ def test_no_message_goes_to_a_turret_without_a_number(name):
         (b"t,1,f,x", "integers"),
     ],
 )
-def test_wrong_reply(line, reason):
+def test_wrong_reply(line: bytes, reason: str) -> None:
     request = build_message("gripper", "F")
     with pytest.raises(ReplyError, match=reason) as caught:
         message_values(request, parse_reply(request, line))
     assert caught.value.received == line
 
 
-def test_a_reply_to_an_unknown_message_has_no_values():
+def test_a_reply_to_an_unknown_message_has_no_values() -> None:
     request = build_request("T", 25, rest=("X",))
     with pytest.raises(ReplyError, match="not in the table"):
         message_values(request, parse_reply(request, b"t,25,x"))

@@ -41,7 +41,7 @@ def wait(robot: Emulator, seconds: float) -> None:
     robot.advance(robot.now + seconds)
 
 
-def test_robots_of_one_world_talk_by_radio(make):
+def test_robots_of_one_world_talk_by_radio(make) -> None:
     one, two = make("radio", arena="open-box", size=2)
     assert ask(one, SEND) == b"t,4,s\r\n"
     wait(one, 0.1)
@@ -50,7 +50,7 @@ def test_robots_of_one_world_talk_by_radio(make):
     assert ask(two, b"T,4,R") == b"t,4,r,1,3,72,105,33" + 13 * b",0" + b"\r\n"
 
 
-def test_a_message_arrives_while_robots_drive_and_after_a_reset(make):
+def test_a_message_arrives_while_robots_drive_and_after_a_reset(make) -> None:
     one, two = make("radio", arena="open-box", size=2)
     one.reset(Reset(seed=5))
     ask(one, b"D,3,-3")
@@ -61,7 +61,7 @@ def test_a_message_arrives_while_robots_drive_and_after_a_reset(make):
     assert ask(two, b"T,4,F") == b"t,4,f,3\r\n"
 
 
-def test_robots_of_two_worlds_do_not_hear_each_other(make):
+def test_robots_of_two_worlds_do_not_hear_each_other(make) -> None:
     (one,), (_other,) = make("radio"), make("radio")
     ask(one, SEND.replace(b"S,2", b"S,1"))
     wait(one, 0.1)
@@ -74,7 +74,7 @@ def grasp(robot: Emulator) -> None:
         wait(robot, seconds)
 
 
-def test_what_is_lifted_leaves_the_floor_and_comes_back(make):
+def test_what_is_lifted_leaves_the_floor_and_comes_back(make) -> None:
     (robot,) = make("gripper")
     ahead = [int(value) for value in ask(robot, b"N").split(b",")[3:5]]
     assert min(ahead) > 100
@@ -95,7 +95,7 @@ def test_what_is_lifted_leaves_the_floor_and_comes_back(make):
     assert thing.footprint.x > 0.0
 
 
-def test_a_robot_drives_on_below_what_it_carries(make):
+def test_a_robot_drives_on_below_what_it_carries(make) -> None:
     (robot,) = make("gripper")
     grasp(robot)
     ask(robot, b"C,1000,1000")
@@ -104,7 +104,7 @@ def test_a_robot_drives_on_below_what_it_carries(make):
     assert not robot.truth().touched
 
 
-def test_a_reset_empties_the_fingers(make):
+def test_a_reset_empties_the_fingers(make) -> None:
     (robot,) = make("gripper")
     grasp(robot)
     robot.reset(Reset(pose=Pose(x=-0.2, y=0.0, heading=0.0)))
@@ -116,7 +116,7 @@ def test_a_reset_empties_the_fingers(make):
     assert ask(robot, b"T,1,F") == b"t,1,f,200\r\n"
 
 
-def test_general_io_answers_on_the_line(make):
+def test_general_io_answers_on_the_line(make) -> None:
     (robot,) = make("general-io")
     (turret,) = robot.robot.turrets.turrets
     assert isinstance(turret, GeneralIO)
@@ -134,7 +134,7 @@ def test_general_io_answers_on_the_line(make):
     assert turret.outputs == 0
 
 
-def test_turrets_do_not_change_what_happens_otherwise(make):
+def test_turrets_do_not_change_what_happens_otherwise(make) -> None:
     def drive(*turrets: str) -> list[bytes]:
         (robot,) = make(*turrets, arena="corridor")
         answers = []
@@ -146,7 +146,7 @@ def test_turrets_do_not_change_what_happens_otherwise(make):
     assert drive() == drive("gripper", "k213", "radio", "general-io")
 
 
-def test_the_tool_serial_sets_the_rate_after_its_reply():
+def test_the_tool_serial_sets_the_rate_after_its_reply() -> None:
     character = 11 / 9600
     with serial.serial_for_url("khepera://corridor", timeout=1) as port:
         port.write(b"serial 38400\n")
@@ -166,6 +166,6 @@ def test_the_tool_serial_sets_the_rate_after_its_reply():
         ("firmware=fast", "unknown firmware option 'fast'"),
     ],
 )
-def test_wrong_options_of_a_url(options, reason):
+def test_wrong_options_of_a_url(options: str, reason: str) -> None:
     with pytest.raises(serial.SerialException, match=reason):
         serial.serial_for_url(f"khepera://corridor?{options}")

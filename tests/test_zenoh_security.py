@@ -38,13 +38,13 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory: pytest.TempPathFactory):
     """Certificates, and the examples with a free port and paths of these."""
     folder = tmp_path_factory.mktemp("zenoh")
     subprocess.run(["sh", str(DOCS / "certificates.sh"), str(folder / "certificates")], check=True)
     port = free_endpoint().rpartition(":")[2]
 
-    def write(name, example, **changes):
+    def write(name, example, **changes) -> None:
         text = (DOCS / example).read_text().replace("7446", port)
         text = text.replace('"certificates/', f'"{folder}/certificates/')
         for old, new in changes.items():
@@ -98,7 +98,7 @@ def nothing(queue):
     return True
 
 
-def test_a_watcher_hears_the_controller_and_may_ask(folder):
+def test_a_watcher_hears_the_controller_and_may_ask(folder) -> None:
     with sessions(folder, "controller", "watcher") as (controller, watcher):
         queue = heard(watcher, "macor/khepera/decision")
         wait_until_watched(controller, "macor/khepera/decision")
@@ -106,7 +106,7 @@ def test_a_watcher_hears_the_controller_and_may_ask(folder):
         assert queue.get(timeout=PATIENCE).payload.to_string() == "left"
 
 
-def test_a_watcher_can_neither_publish_nor_stop(folder):
+def test_a_watcher_can_neither_publish_nor_stop(folder) -> None:
     stops = []
     with (
         sessions(folder, "controller", "watcher", "controller") as (controller, watcher, other),
@@ -124,14 +124,14 @@ def test_a_watcher_can_neither_publish_nor_stop(folder):
         assert stops
 
 
-def test_a_watcher_cannot_be_taken_for_the_camera(folder):
+def test_a_watcher_cannot_be_taken_for_the_camera(folder) -> None:
     def picture_of(level):
         image = np.zeros((16, 16, 3), np.uint8)
         image[:8] = level
         return cv2.imencode(".png", image)[1].tobytes()
 
     def answering(session, level, asked):
-        def answer(query):
+        def answer(query) -> None:
             with query:
                 asked.append(1)
                 query.reply("khepera/khepera/camera", picture_of(level))
@@ -156,7 +156,7 @@ def macor_hil(*arguments):
     return CliRunner(env={"COLUMNS": "80"}).invoke(cli.app, list(map(str, arguments)))
 
 
-def test_a_watcher_can_use_the_monitor_and_the_recorder(folder, tmp_path):
+def test_a_watcher_can_use_the_monitor_and_the_recorder(folder, tmp_path: Path) -> None:
     watcher = "--zenoh-config", folder / "watcher.json5"
     with sessions(folder, "controller") as (session,), Publisher(session, "khepera") as publisher:
         publisher.state(a_state(driven=3), 1.0)
@@ -171,7 +171,7 @@ def test_a_watcher_can_use_the_monitor_and_the_recorder(folder, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "heard_of"), [("watcher", False), ("controller", True)])
-def test_only_who_may_publish_can_replay(folder, tmp_path, name, heard_of):
+def test_only_who_may_publish_can_replay(folder, tmp_path: Path, name: str, heard_of: bool) -> None:
     with Recorder(tmp_path / "drive.mcap", "khepera") as recorder:
         for event in a_life(1):
             recorder.write(event)
@@ -183,7 +183,7 @@ def test_only_who_may_publish_can_replay(folder, tmp_path, name, heard_of):
         assert queue.get(timeout=PATIENCE) if heard_of else nothing(queue)
 
 
-def test_a_watcher_s_stop_is_not_taken(folder):
+def test_a_watcher_s_stop_is_not_taken(folder) -> None:
     stops = []
     with (
         sessions(folder, "controller") as (session,),
@@ -196,10 +196,10 @@ def test_a_watcher_s_stop_is_not_taken(folder):
         assert stops
 
 
-def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder):
+def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder) -> None:
     with sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher):
 
-        def answer(query):
+        def answer(query) -> None:
             with query:
                 query.reply("khepera/khepera/reset", "done")
 
@@ -220,7 +220,7 @@ def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder):
         ("plain", "a program listens on tcp/127.0.0.1:.*, and does not let this one in"),
     ],
 )
-def test_who_gets_nothing_is_told_why(folder, name, reason):
+def test_who_gets_nothing_is_told_why(folder, name: str, reason: str) -> None:
     config = folder / f"{name}.json5"
     with (
         pytest.raises(TelemetryError, match=f"{name}.json5 says: .*{reason}") as failure,
@@ -231,7 +231,7 @@ def test_who_gets_nothing_is_told_why(folder, name, reason):
 
 
 @pytest.mark.parametrize("opened", [open_session, emulator_session])
-def test_a_file_that_cannot_be_used_is_named(tmp_path, folder, opened):
+def test_a_file_that_cannot_be_used_is_named(tmp_path: Path, folder, opened) -> None:
     (tmp_path / "cake.json5").write_text("flour")
     text = (folder / "watcher.json5").read_text()
     for name, old in (("ca", "ca.pem"), ("key", "watcher.key")):
@@ -248,7 +248,9 @@ def test_a_file_that_cannot_be_used_is_named(tmp_path, folder, opened):
             pass
 
 
-def test_what_a_file_says_of_shared_memory_and_of_long_messages_does_not_count(tmp_path):
+def test_what_a_file_says_of_shared_memory_and_of_long_messages_does_not_count(
+    tmp_path: Path,
+) -> None:
     for name, text in (("yes", "true"), ("no", "false")):
         transport = f"{{shared_memory: {{enabled: {text}}}}}"
         file = tmp_path / f"{name}.json5"

@@ -2,10 +2,12 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from damage import damaged
+from hostile_inputs import Hostile
 from hypothesis import given, settings
 from test_experiments import DRIVE
 
@@ -21,18 +23,18 @@ RESULTS = {
 
 
 @pytest.fixture
-def file(tmp_path):
+def file(tmp_path: Path):
     file = ResultsFile(tmp_path, "table1", DRIVE, "code")
     file.write(RESULTS)
     return file
 
 
-def test_damaged_results_are_left_out(hostile, file):
+def test_damaged_results_are_left_out(hostile: Hostile, file) -> None:
     whole = file.path.read_bytes()
 
     @settings(max_examples=hostile.examples(150))
     @given(damaged(whole))
-    def check(data):
+    def check(data) -> None:
         hostile.count("results")
         file.path.write_bytes(data)
         try:
@@ -46,12 +48,14 @@ def test_damaged_results_are_left_out(hostile, file):
     check()
 
 
-def assert_one_sentence(error, path):
+def assert_one_sentence(error, path) -> None:
     assert str(path) in str(error)
     assert str(error).isprintable()
 
 
-def test_one_damaged_line_costs_one_result_and_is_told(file, caplog):
+def test_one_damaged_line_costs_one_result_and_is_told(
+    file, caplog: pytest.LogCaptureFixture
+) -> None:
     lines = file.path.read_bytes().splitlines(keepends=True)
     lines[2] = lines[2].replace(b"0.62", b"0.63")
     file.path.write_bytes(b"".join(lines))
@@ -75,13 +79,13 @@ def test_one_damaged_line_costs_one_result_and_is_told(file, caplog):
         b"",
     ],
 )
-def test_lines_that_nobody_wrote_are_left_out(file, line):
+def test_lines_that_nobody_wrote_are_left_out(file, line: bytes) -> None:
     with file.path.open("ab") as stream:
         stream.write(line + b"\n")
     assert file.read() == RESULTS
 
 
-def test_files_that_cannot_be_used_are_named(tmp_path, file):
+def test_files_that_cannot_be_used_are_named(tmp_path: Path, file) -> None:
     with pytest.raises(MacorError, match=r"cannot read .* regular file|Is a directory"):
         read_lines(tmp_path)
     with pytest.raises(MacorError, match="cannot write"):
@@ -91,7 +95,7 @@ def test_files_that_cannot_be_used_are_named(tmp_path, file):
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory):
+def kept(tmp_path_factory: pytest.TempPathFactory):
     """A drive that is kept, and the bytes of its files."""
     drive = replace(DRIVE, tuning=10, random=6, reactive=0)
     recordings = Recordings(tmp_path_factory.mktemp("drives"), drive)
@@ -99,13 +103,13 @@ def kept(tmp_path_factory):
     return recordings, {path: path.read_bytes() for path in recordings.folder.iterdir()}
 
 
-def test_damaged_drives_are_refused_in_one_sentence(hostile, kept):
+def test_damaged_drives_are_refused_in_one_sentence(hostile: Hostile, kept) -> None:
     recordings, files = kept
     (path,) = (path for path in files if "frames" in path.name)
 
     @settings(max_examples=hostile.examples(100))
     @given(damaged(files[path]))
-    def check(data):
+    def check(data) -> None:
         hostile.count("kept drives")
         path.write_bytes(data)
         try:
@@ -120,7 +124,7 @@ def test_damaged_drives_are_refused_in_one_sentence(hostile, kept):
 
 
 @pytest.mark.parametrize("part", ["frames", "map"])
-def test_a_damaged_drive_is_driven_again(kept, part, caplog):
+def test_a_damaged_drive_is_driven_again(kept, part: str, caplog: pytest.LogCaptureFixture) -> None:
     recordings, files = kept
     good = recordings[1]
     (path,) = (path for path in files if part in path.name)
@@ -143,7 +147,7 @@ def test_a_damaged_drive_is_driven_again(kept, part, caplog):
         {"collided": np.zeros(8)},
     ],
 )
-def test_impossible_frames_are_refused(kept, change):
+def test_impossible_frames_are_refused(kept, change) -> None:
     recordings, files = kept
     (path,) = (path for path in files if "frames" in path.name)
     good = {
@@ -157,7 +161,7 @@ def test_impossible_frames_are_refused(kept, change):
     path.write_bytes(files[path])
 
 
-def test_costs_that_cannot_be_read_are_left_out(tmp_path):
+def test_costs_that_cannot_be_read_are_left_out(tmp_path: Path) -> None:
     path = tmp_path / "costs.jsonl"
     good = {"what": "table1", "seed": 1, "seconds": 2.5}
     odd = [{}, [], {"what": 1, "seconds": 1}, {"what": "a", "seconds": "long"}, good]

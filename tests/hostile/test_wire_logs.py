@@ -2,9 +2,11 @@
 
 import json
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 import serial
+from hostile_inputs import Hostile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
@@ -44,7 +46,7 @@ NASTY = [
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole(tmp_path_factory: pytest.TempPathFactory):
     """A log of two clients, as it was written, and what it says."""
     path = tmp_path_factory.mktemp("log") / "wire.jsonl"
     with (
@@ -80,7 +82,9 @@ def read_or_refused(path):
         return str(error)
 
 
-def test_damaged_logs_are_read_and_replayed_up_to_the_damage(hostile, tmp_path, whole):
+def test_damaged_logs_are_read_and_replayed_up_to_the_damage(
+    hostile: Hostile, tmp_path: Path, whole
+) -> None:
     path = tmp_path / "wire.jsonl"
     data, log = whole
 
@@ -89,7 +93,7 @@ def test_damaged_logs_are_read_and_replayed_up_to_the_damage(hostile, tmp_path, 
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
     )
     @given(damages(len(data)))
-    def read(damage):
+    def read(damage) -> None:
         hostile.count("wire logs: damaged files")
         changes, cut = damage
         bad = data
@@ -120,10 +124,12 @@ def test_damaged_logs_are_read_and_replayed_up_to_the_damage(hostile, tmp_path, 
 SCHEMES = ["", "khepera", "KHEPERA", "spy", "loop", "socket", "alt", "rfc2217", "hwgrep", "cp2110"]
 
 
-def test_a_log_opens_emulated_robots_alone(hostile, tmp_path, monkeypatch):
+def test_a_log_opens_emulated_robots_alone(
+    hostile: Hostile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     opened = []
 
-    def open_robot(url, **_):
+    def open_robot(url, **_) -> None:
         opened.append(url)
         raise ValueError("enough")
 
@@ -135,7 +141,7 @@ def test_a_log_opens_emulated_robots_alone(hostile, tmp_path, monkeypatch):
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
     )
     @given(st.sampled_from(SCHEMES), st.sampled_from(["", ":", "/", "://", "://spy://"]), st.text())
-    def refused_or_a_robot(scheme, between, rest):
+    def refused_or_a_robot(scheme, between, rest) -> None:
         hostile.count("wire logs: URLs")
         opened.clear()
         url = f"{scheme}{between}{rest}"
