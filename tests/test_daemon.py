@@ -576,7 +576,7 @@ class TestClock:
 
 
 @contextmanager
-def in_thread(baud: int | None, clock) -> Iterator[tuple[PtyPort, Emulator]]:
+def in_thread(baud: int | None, clock: Clock) -> Iterator[tuple[PtyPort, Emulator]]:
     """A daemon in this process, to look into its robot afterwards."""
     emulated = Emulator(Setup(load_arena("corridor"), drift=PRESETS["none"], baud=baud))
     port = PtyPort()

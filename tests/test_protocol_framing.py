@@ -5,6 +5,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
 from khepera_protocol.serial.framing import REQUEST_LIMIT, ReplySplitter, RequestSplitter
 
 
@@ -71,7 +72,7 @@ def test_clear_forgets_half_a_line() -> None:
 
 
 @given(st.binary(max_size=300) | st.text("H,\r\n", max_size=60).map(str.encode), st.data())
-def test_portions_make_no_difference_to_requests(data, draws) -> None:
+def test_portions_make_no_difference_to_requests(data: bytes, draws: DataObject) -> None:
     cuts = draws.draw(st.lists(st.integers(0, 400)))
     whole, pieces = RequestSplitter(), RequestSplitter()
     expected = whole.feed(data)
@@ -80,7 +81,7 @@ def test_portions_make_no_difference_to_requests(data, draws) -> None:
 
 
 @given(st.lists(st.text("dhn,0123456789-", min_size=1).map(str.encode)), st.lists(st.integers(0)))
-def test_portions_make_no_difference_to_replies(lines, cuts) -> None:
+def test_portions_make_no_difference_to_replies(lines: list[bytes], cuts: list[int]) -> None:
     data = b"".join(line + b"\r\n" for line in lines)
     splitter = ReplySplitter()
     assert [line for part in portions(data, cuts) for line in splitter.feed(part)] == lines

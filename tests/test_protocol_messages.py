@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
 from khepera_protocol.serial.commands import COMMANDS, Beyond
 from khepera_protocol.serial.errors import ReplyError, RequestError
 from khepera_protocol.serial.messages import (
@@ -196,7 +197,7 @@ def test_a_reply_of_another_turret_is_refused() -> None:
 
 
 @st.composite
-def requests(draw):
+def requests(draw) -> Request:
     command = COMMANDS[draw(st.sampled_from(sorted(COMMANDS)))]
     numbers = tuple(draw(st.integers(field.low, field.high)) for field in command.request)
     rest = ()
@@ -207,12 +208,12 @@ def requests(draw):
 
 
 @given(requests())
-def test_requests_survive_the_line(request) -> None:
+def test_requests_survive_the_line(request: Request) -> None:
     assert parse_request(request.encode().removesuffix(b"\n")) == request
 
 
 @given(requests(), st.data())
-def test_replies_survive_the_line(request, data) -> None:
+def test_replies_survive_the_line(request: Request, data: DataObject) -> None:
     command = request.command
     if command.open_ended:
         reply = Reply("t", request.arguments, ("b", "1"))
@@ -225,7 +226,7 @@ def test_replies_survive_the_line(request, data) -> None:
 
 
 @given(requests(), st.binary() | st.text("hnzkb,0123456789-. \r").map(str.encode))
-def test_garbage_is_a_reply_or_a_reply_error(request, line) -> None:
+def test_garbage_is_a_reply_or_a_reply_error(request: Request, line: bytes) -> None:
     try:
         reply = parse_reply(request, line)
     except ReplyError:
@@ -234,7 +235,7 @@ def test_garbage_is_a_reply_or_a_reply_error(request, line) -> None:
 
 
 @given(requests(), st.data())
-def test_the_short_way_to_read_a_reply_is_the_table_s(request, data) -> None:
+def test_the_short_way_to_read_a_reply_is_the_table_s(request: Request, data: DataObject) -> None:
     """Good replies, and ones with a character changed."""
     command = request.command
     words = [str(data.draw(st.integers(field.low, field.high))) for field in command.reply]
@@ -245,7 +246,7 @@ def test_the_short_way_to_read_a_reply_is_the_table_s(request, data) -> None:
         assert _outcome(parse_reply, request, line) == _outcome(_parse_by_table, request, line)
 
 
-def _outcome(parse, request, line):
+def _outcome(parse, request: Request, line: bytes) -> Reply | str:
     try:
         return parse(request, line)
     except ReplyError as error:
@@ -253,7 +254,9 @@ def _outcome(parse, request, line):
 
 
 @given(requests().filter(lambda request: request.arguments and request.letter != "T"), st.data())
-def test_numbers_out_of_range_are_clamped_or_refused_as_the_table_says(request, data) -> None:
+def test_numbers_out_of_range_are_clamped_or_refused_as_the_table_says(
+    request: Request, data: DataObject
+) -> None:
     place = data.draw(st.integers(0, len(request.arguments) - 1))
     field = request.command.request[place]
     beyond = data.draw(st.integers(field.high + 1, 9_999_999_999))

@@ -6,6 +6,7 @@ import select
 import struct
 import termios
 import tty
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -19,19 +20,20 @@ from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.ports.inotify import CLOSED_WRITABLE
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort
+from khepera_emulator.ports.terminal import Terminal
 
 MUCH = 4096
 
 
 @pytest.fixture
-def port():
+def port() -> Iterator[PtyPort]:
     port = PtyPort()
     yield port
     port.close()
 
 
 @contextmanager
-def client(port, flags=os.O_RDWR):
+def client(port: PtyPort, flags: int = os.O_RDWR) -> Iterator[int]:
     terminal = os.open(port.url, flags | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         yield terminal
@@ -39,7 +41,7 @@ def client(port, flags=os.O_RDWR):
         os.close(terminal)
 
 
-def unread(terminal):
+def unread(terminal: int) -> bytes:
     data = b""
     with suppress(BlockingIOError):
         while more := os.read(terminal, 1 << 16):
@@ -47,7 +49,7 @@ def unread(terminal):
     return data
 
 
-def received(port, limit=MUCH):
+def received(port: PtyPort, limit: int = MUCH) -> list[bytes]:
     """All that clients have done by now."""
     chunks = []
     while more := port.receive(limit):
@@ -56,7 +58,7 @@ def received(port, limit=MUCH):
 
 
 class TestBytes:
-    def test_pass_unchanged_in_both_directions(self, port) -> None:
+    def test_pass_unchanged_in_both_directions(self, port: PtyPort) -> None:
         every_byte = bytes(range(256))
         with client(port) as terminal:
             os.write(terminal, every_byte)
@@ -64,14 +66,14 @@ class TestBytes:
             port.write(every_byte)
             assert unread(terminal) == every_byte
 
-    def test_beyond_the_limit_stay_with_the_client(self, port) -> None:
+    def test_beyond_the_limit_stay_with_the_client(self, port: PtyPort) -> None:
         with client(port) as terminal:
             os.write(terminal, b"abcdef")
             assert port.receive(0) == []
             assert port.receive(4) == [b"abcd"]
             assert port.receive(4) == [b"ef"]
 
-    def test_that_nobody_reads_are_dropped_and_counted(self, port) -> None:
+    def test_that_nobody_reads_are_dropped_and_counted(self, port: PtyPort) -> None:
         with client(port) as terminal:
             assert port.receive(MUCH) == []
             for _ in range(1000):
@@ -84,7 +86,7 @@ class TestBytes:
             port.write(b"fresh")
             assert unread(terminal) == b"fresh"
 
-    def test_that_nobody_listens_to_are_lost(self, port) -> None:
+    def test_that_nobody_listens_to_are_lost(self, port: PtyPort) -> None:
         for before in (b"", b"N\n"):
             with client(port) as terminal:
                 os.write(terminal, before)
@@ -97,31 +99,31 @@ class TestBytes:
                 assert unread(terminal) == b"fresh"
         assert port.dropped == 0
 
-    def test_nothing_happens_without_a_client(self, port) -> None:
+    def test_nothing_happens_without_a_client(self, port: PtyPort) -> None:
         assert port.receive(MUCH) == []
         assert port.receive(MUCH) == []
 
 
 class TestClients:
-    def test_leave_after_their_last_byte(self, port) -> None:
+    def test_leave_after_their_last_byte(self, port: PtyPort) -> None:
         with client(port) as terminal:
             os.write(terminal, b"N\n")
         assert received(port) == [b"N\n", b""]
 
-    def test_leave_after_the_bytes_that_the_limit_keeps_back(self, port) -> None:
+    def test_leave_after_the_bytes_that_the_limit_keeps_back(self, port: PtyPort) -> None:
         with client(port) as terminal:
             os.write(terminal, b"abcdef")
             assert port.receive(2) == [b"ab"]
             assert port.receive(0) == []
         assert received(port, 2) == [b"cdef", b""]
 
-    def test_that_only_look_in_do_nothing(self, port) -> None:
+    def test_that_only_look_in_do_nothing(self, port: PtyPort) -> None:
         for flags in (os.O_RDONLY, os.O_RDWR):
             with client(port, flags):
                 assert received(port) == []
             assert received(port) == []
 
-    def test_have_not_left_while_another_is_there(self, port) -> None:
+    def test_have_not_left_while_another_is_there(self, port: PtyPort) -> None:
         with client(port) as reader:
             for request in (b"N\n", b"O\n"):
                 with client(port) as writer:
@@ -136,7 +138,7 @@ class TestClients:
         assert received(port) == [b""]
 
     @pytest.mark.parametrize("stale", [10, 100_000])
-    def test_that_follow_each_other_unseen_are_told_apart(self, port, stale: int) -> None:
+    def test_that_follow_each_other_unseen_are_told_apart(self, port: PtyPort, stale: int) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
@@ -149,7 +151,7 @@ class TestClients:
             assert unread(second) == b""
         assert received(port) == [b""]
 
-    def test_that_write_nothing_hide_none_who_wrote_before(self, port) -> None:
+    def test_that_write_nothing_hide_none_who_wrote_before(self, port: PtyPort) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
         with client(port):
@@ -158,7 +160,7 @@ class TestClients:
             os.write(third, b"B\n")
             assert received(port) == [b"N\n", b"", b"B\n"]
 
-    def test_that_read_already_are_not_left_with_half_a_line(self, port) -> None:
+    def test_that_read_already_are_not_left_with_half_a_line(self, port: PtyPort) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
@@ -172,14 +174,14 @@ class TestClients:
 
     @pytest.mark.parametrize("late", [b"", b"O\n"])
     def test_that_write_while_somebody_looks_have_written_it(
-        self, port, monkeypatch: pytest.MonkeyPatch, late: bytes
+        self, port: PtyPort, monkeypatch: pytest.MonkeyPatch, late: bytes
     ) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
             take = port._terminal.events
 
-            def take_late():
+            def take_late() -> tuple[int]:
                 monkeypatch.setattr(port._terminal, "events", take)
                 os.write(first, late)
                 return take()
@@ -191,7 +193,9 @@ class TestClients:
             os.write(second, b"B\nK\n")
             assert received(port) == [b"", b"B\nK\n"]
 
-    def test_that_come_or_leave_are_known_before_anybody_writes_to_them(self, port) -> None:
+    def test_that_come_or_leave_are_known_before_anybody_writes_to_them(
+        self, port: PtyPort
+    ) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
@@ -205,7 +209,9 @@ class TestClients:
             assert received(port) == [b"O\n", b"", b"B\n"]
             assert not port.changed()
 
-    def test_that_have_not_written_yet_get_none_of_their_predecessors_bytes(self, port) -> None:
+    def test_that_have_not_written_yet_get_none_of_their_predecessors_bytes(
+        self, port: PtyPort
+    ) -> None:
         for _ in range(2):
             with client(port) as first:
                 os.write(first, b"N\nO\n")
@@ -216,7 +222,7 @@ class TestClients:
             assert received(port) == [b""]
 
     @pytest.mark.parametrize("size", [10, 100_000])
-    def test_find_no_stale_bytes(self, port, size: int) -> None:
+    def test_find_no_stale_bytes(self, port: PtyPort, size: int) -> None:
         with client(port) as terminal:
             os.write(terminal, b"N\n")
             assert received(port) == [b"N\n"]
@@ -230,7 +236,9 @@ class TestClients:
             port.write(b"fresh")
             assert unread(terminal) == b"fresh"
 
-    def test_that_write_and_leave_are_logged(self, port, caplog: pytest.LogCaptureFixture) -> None:
+    def test_that_write_and_leave_are_logged(
+        self, port: PtyPort, caplog: pytest.LogCaptureFixture
+    ) -> None:
         caplog.set_level("INFO")
         for _ in range(2):
             with client(port) as terminal:
@@ -244,7 +252,7 @@ class TestClients:
         said = [record.getMessage() for record in caplog.records]
         assert said == [f"{port.url}: a client writes", f"{port.url}: it has left"] * 2
 
-    def test_may_come_and_go_often(self, port) -> None:
+    def test_may_come_and_go_often(self, port: PtyPort) -> None:
         for turn in range(100):
             with client(port) as terminal:
                 os.write(terminal, b"%d\n" % turn)
@@ -255,7 +263,7 @@ class TestClientsThatComeJustThen:
     """Do what another process can do between two steps of ours."""
 
     @pytest.fixture
-    def first(self, port):
+    def first(self, port: PtyPort) -> int:
         """A client that has written and was heard, to be closed by the test."""
         terminal = os.open(port.url, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         os.write(terminal, b"N\n")
@@ -263,12 +271,12 @@ class TestClientsThatComeJustThen:
         return terminal
 
     @pytest.fixture
-    def second(self, port):
+    def second(self, port: PtyPort):
         """Opens the terminal and writes, when it is called first."""
         with ExitStack() as stack:
             opened = []
 
-            def come():
+            def come() -> int:
                 if not opened:
                     opened.append(stack.enter_context(client(port)))
                     os.write(opened[0], b"B\n")
@@ -277,23 +285,23 @@ class TestClientsThatComeJustThen:
             yield come
 
     @staticmethod
-    def before(monkeypatch, owner, name, act) -> None:
+    def before(monkeypatch: pytest.MonkeyPatch, owner: Terminal, name: str, act) -> None:
         """Let something happen just before every call of a function."""
         function = getattr(owner, name)
 
-        def disturbed(*arguments):
+        def disturbed(*arguments: bytes | int) -> bytes | int | tuple[bool, bool] | None:
             act()
             return function(*arguments)
 
         monkeypatch.setattr(owner, name, disturbed)
 
     @staticmethod
-    def is_answered(port, terminal):
+    def is_answered(port: PtyPort, terminal: int) -> bool:
         port.write(b"b\r\n")
         return unread(terminal) == b"b\r\n"
 
     def test_when_the_last_one_is_about_to_hang_up(
-        self, port, first, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         # the event of a closing comes a little before the hang-up
         events = port._terminal.events
@@ -312,7 +320,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_one_has_come_written_and_left_at_once(
-        self, port, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, second, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         with client(port) as quick:
             os.write(quick, b"N\n")
@@ -321,7 +329,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_the_event_of_a_writing_was_ahead_of_its_bytes(
-        self, port, first, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         read, late = port._terminal.read, [b""]
         monkeypatch.setattr(
@@ -335,7 +343,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_something_is_being_said_to_the_last_one(
-        self, port, first, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         def leave_and_come() -> None:
             os.close(first)
@@ -348,7 +356,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_the_last_one_is_found_to_have_left(
-        self, port, first, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         os.write(first, b"O\n")
         os.close(first)
@@ -357,7 +365,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_nothing_is_left_of_the_last_one(
-        self, port, first, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         os.close(first)
         self.before(monkeypatch, port._terminal, "hold", second)
@@ -367,7 +375,7 @@ class TestClientsThatComeJustThen:
 
     @pytest.mark.parametrize("step", ["hold", "open"])
     def test_when_another_has_been_there_in_between(
-        self, port, first, second, monkeypatch: pytest.MonkeyPatch, step: str
+        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch, step: str
     ) -> None:
         os.close(first)
         others = [b"O\n"]
@@ -380,7 +388,7 @@ class TestClientsThatComeJustThen:
 
         opening = os.open
 
-        def open_late(name, *flags):
+        def open_late(name: str, *flags: int) -> int:
             monkeypatch.setattr(os, "open", opening)
             come_one_by_one()
             return opening(name, *flags)
@@ -394,13 +402,13 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_the_terminal_is_being_opened(
-        self, port, first, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         os.close(first)
         path = port.url
         openings = os.open
 
-        def open_both(name, *flags):
+        def open_both(name: str, *flags: int) -> int:
             if name == path and len(waits) == 0:
                 waits.append(None)
                 second()
@@ -415,7 +423,9 @@ class TestClientsThatComeJustThen:
         assert port.receive(MUCH) == [b"B\n"]
         assert self.is_answered(port, second())
 
-    def test_again_and_again(self, port, first, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_again_and_again(
+        self, port: PtyPort, first: int, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         os.write(first, b"O\n")
         os.close(first)
         left = [b"X\n", b"Y\n"]
@@ -435,7 +445,7 @@ class TestClientsThatComeJustThen:
 
 
 class TestSettings:
-    def test_begin_raw_at_9600(self, port) -> None:
+    def test_begin_raw_at_9600(self, port: PtyPort) -> None:
         with client(port) as terminal:
             _, output, _, local, _, rate, _ = termios.tcgetattr(terminal)
             assert rate == termios.B9600
@@ -444,7 +454,7 @@ class TestSettings:
         assert port.settings() == LineFormat(9600, stop=1)
 
     @pytest.mark.parametrize("rate", [1200, 9600, 19200, 38400, 57600, 115200])
-    def test_rate_is_the_clients(self, port, rate: int) -> None:
+    def test_rate_is_the_clients(self, port: PtyPort, rate: int) -> None:
         with client(port) as terminal:
             settings = termios.tcgetattr(terminal)
             settings[4] = settings[5] = getattr(termios, f"B{rate}")
@@ -453,11 +463,11 @@ class TestSettings:
         received(port)
         assert port.settings().baud == rate  # as `stty` wants it
 
-    def test_rate_may_be_any_number(self, port) -> None:
+    def test_rate_may_be_any_number(self, port: PtyPort) -> None:
         with serial.Serial(port.url, 31250, stopbits=2):
             assert port.settings() == LineFormat(31250, stop=2)
 
-    def test_rate_of_zero_is_none(self, port) -> None:
+    def test_rate_of_zero_is_none(self, port: PtyPort) -> None:
         with client(port) as terminal:
             settings = termios.tcgetattr(terminal)
             settings[4] = settings[5] = termios.B0
@@ -465,7 +475,9 @@ class TestSettings:
             assert port.settings() is None
 
     @pytest.mark.parametrize("request_line", [b"", b"N\n"])
-    def test_outlive_the_client_as_on_a_serial_port(self, port, request_line: bytes) -> None:
+    def test_outlive_the_client_as_on_a_serial_port(
+        self, port: PtyPort, request_line: bytes
+    ) -> None:
         with client(port) as terminal:
             settings = termios.tcgetattr(terminal)
             settings[0] |= termios.ICRNL
@@ -498,7 +510,7 @@ class TestSettings:
 
         as_nobody(check)
 
-    def test_modem_lines_flushes_and_breaks_do_no_harm(self, port) -> None:
+    def test_modem_lines_flushes_and_breaks_do_no_harm(self, port: PtyPort) -> None:
         with client(port) as terminal:
             tty.setraw(terminal)
             termios.tcflush(terminal, termios.TCIOFLUSH)
@@ -514,7 +526,9 @@ class TestWhatAClientLeaves:
     @pytest.mark.parametrize(
         ("before", "how"), [(b"", "TCOOFF"), (b"N\n", "TCOOFF"), (b"N\n", "XOFF")]
     )
-    def test_stopped_output_does_not_block_the_next(self, port, before: bytes, how: str) -> None:
+    def test_stopped_output_does_not_block_the_next(
+        self, port: PtyPort, before: bytes, how: str
+    ) -> None:
         with client(port) as terminal:
             os.write(terminal, before)
             received(port)
@@ -529,7 +543,7 @@ class TestWhatAClientLeaves:
     @pytest.mark.parametrize("how", ["TCOOFF", "XOFF"])
     @pytest.mark.parametrize("reads", [False, True])
     def test_stopped_output_does_not_block_one_that_has_come_already(
-        self, port, how: str, reads: bool
+        self, port: PtyPort, how: str, reads: bool
     ) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
@@ -607,7 +621,7 @@ class TestWhatAClientLeaves:
         as_nobody(check)
 
 
-def stop_output(port, terminal, how) -> None:
+def stop_output(port: PtyPort, terminal: int, how: str) -> None:
     if how == "TCOOFF":
         termios.tcflow(terminal, termios.TCOOFF)
     else:

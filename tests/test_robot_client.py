@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,9 @@ class ScriptedPort:
     A read that finds no line end gives what there is once its time-out has passed.
     """
 
-    def __init__(self, replies=None, pending=b"") -> None:
+    def __init__(
+        self, replies: dict[bytes, bytes | list[bytes]] | None = None, pending: bytes = b""
+    ) -> None:
         self.replies = {b"D,0,0": STOPPED, b"E": RESTING, **(replies or {})}
         self.pending = pending
         self.written = b""
@@ -50,7 +53,7 @@ class ScriptedPort:
         self.read_error = None
         self._line = b""
 
-    def write(self, data):
+    def write(self, data: bytes) -> int:
         if self.write_error:
             raise self.write_error
         self.written += data
@@ -66,7 +69,7 @@ class ScriptedPort:
                 self.pending += reply
         return len(data)
 
-    def read_until(self, expected=b"\n", size=None):
+    def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
         if self.read_error:
             raise self.read_error
         end = self.pending.find(expected) + len(expected)
@@ -77,7 +80,7 @@ class ScriptedPort:
         data, self.pending = self.pending[:count], self.pending[count:]
         return data
 
-    def read(self, size=1):
+    def read(self, size: int = 1) -> bytes:
         self.now += self.timeout
         data, self.pending = self.pending[:size], self.pending[size:]
         return data
@@ -89,7 +92,7 @@ class ScriptedPort:
 class BabblingPort(ScriptedPort):
     """Never stops sending; each read takes a tenth of a second of its own clock."""
 
-    def read_until(self, _=b"\n", size=None):
+    def read_until(self, _: bytes = b"\n", size: int | None = None) -> bytes:
         self.now += 0.1
         return b"\xfe" * (size or 1)
 
@@ -97,11 +100,11 @@ class BabblingPort(ScriptedPort):
 class LatePort(ScriptedPort):
     """Says nothing before its time has come."""
 
-    def __init__(self, ready, replies=None) -> None:
+    def __init__(self, ready: float, replies: dict[bytes, bytes] | None = None) -> None:
         super().__init__(replies)
         self.ready = ready
 
-    def read_until(self, expected=b"\n", size=None):
+    def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
         if self.now < self.ready:
             self.now += self.timeout
             return b""
@@ -124,7 +127,9 @@ FAILURES = {
 
 
 @pytest.mark.parametrize(("reply", "words"), FAILURES.values(), ids=FAILURES.keys())
-def test_a_bad_reply_is_a_robot_error_that_says_what_was_sent_and_came(reply, words) -> None:
+def test_a_bad_reply_is_a_robot_error_that_says_what_was_sent_and_came(
+    reply: bytes, words: list[str]
+) -> None:
     robot = Khepera(ScriptedPort({b"N": reply}))
     with pytest.raises(RobotError) as failure:
         robot.proximity()
@@ -213,7 +218,7 @@ def test_halt_says_so_when_the_wheels_go_on_turning() -> None:
     port = ScriptedPort({b"E": b"e,0,7\r\n"})
     read = port.read_until
 
-    def slow_read(*arguments):
+    def slow_read(*arguments: bytes | int) -> bytes:
         port.now += 0.01
         return read(*arguments)
 
@@ -373,7 +378,7 @@ def test_a_port_that_failed_is_opened_again_until_it_answers() -> None:
         port.write_error = OSError(5, "Input/output error")
     opened = iter([LinkError("no such device"), unplugged, alive])
 
-    def reopen():
+    def reopen() -> ScriptedPort:
         port = next(opened)
         if isinstance(port, Exception):
             raise port
@@ -401,7 +406,7 @@ def test_a_silent_port_is_opened_again_however_short_the_patience() -> None:
 
 
 @pytest.fixture
-def link(tmp_path: Path):
+def link(tmp_path: Path) -> Iterator[Path]:
     """A link to a terminal, with a lock beside it that nobody holds."""
     master, slave = os.openpty()
     path = tmp_path / "robot"
@@ -412,18 +417,18 @@ def link(tmp_path: Path):
     os.close(master)
 
 
-def test_behind_the_link_of_an_emulator_that_has_gone_may_be_anybody(link) -> None:
+def test_behind_the_link_of_an_emulator_that_has_gone_may_be_anybody(link: Path) -> None:
     with pytest.raises(LinkError, match=r"the emulator behind the link .*robot has gone"):
         open_port(str(link))
 
 
-def test_behind_a_link_to_such_a_link_may_be_anybody(link, tmp_path: Path) -> None:
+def test_behind_a_link_to_such_a_link_may_be_anybody(link: Path, tmp_path: Path) -> None:
     (tmp_path / "mine").symlink_to(link.name)
     with pytest.raises(LinkError, match=r"the emulator behind the link .*mine has gone"):
         open_port(str(tmp_path / "mine"))
 
 
-def test_a_file_of_somebody_else_in_the_place_of_a_lock_says_nothing(link) -> None:
+def test_a_file_of_somebody_else_in_the_place_of_a_lock_says_nothing(link: Path) -> None:
     lock_beside(link).write_text("my own")
     open_port(str(link)).close()
 
@@ -434,13 +439,13 @@ def test_a_link_in_a_circle_is_no_port(tmp_path: Path) -> None:
         open_port(str(tmp_path / "circle"))
 
 
-def test_a_link_whose_emulator_lives_is_opened(link) -> None:
+def test_a_link_whose_emulator_lives_is_opened(link: Path) -> None:
     with lock_beside(link).open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         open_port(str(link)).close()
 
 
-def test_a_link_of_somebody_else_is_opened(link) -> None:
+def test_a_link_of_somebody_else_is_opened(link: Path) -> None:
     lock_beside(link).unlink()
     open_port(str(link)).close()
 
@@ -457,7 +462,7 @@ def test_a_robot_that_does_not_come_back_is_given_up_in_time() -> None:
     ("letter", "characters"),
     [("D", 3), ("N", 43), ("H", 27), ("B", 13), ("K", 35), ("I", 8), ("T", LONGEST_REPLY)],
 )
-def test_the_longest_reply_comes_from_the_table(letter: str, characters) -> None:
+def test_the_longest_reply_comes_from_the_table(letter: str, characters: int) -> None:
     assert longest_reply(letter) == characters
 
 

@@ -8,7 +8,7 @@ from worlds import arena
 
 from khepera_emulator.arenas.arena import Wall
 from khepera_emulator.world.floor_plan import NEAR, FloorPlan, Surroundings
-from khepera_emulator.world.solids import Brick, Disc, wall_boxes
+from khepera_emulator.world.solids import Box, Brick, Disc, wall_boxes
 
 SOLIDS = {
     "box": wall_boxes(Wall(points=[(0.1, 0.0), (0.2, 0.1)], thickness=0.03))[0],
@@ -17,7 +17,7 @@ SOLIDS = {
 }
 
 
-def cast(solid, places, rays):
+def cast(solid: Box | Disc, places: np.ndarray, rays: np.ndarray) -> np.ndarray:
     """Distances by arrays."""
     if solid is SOLIDS["box"]:
         solid = Brick(
@@ -31,7 +31,7 @@ def cast(solid, places, rays):
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_a_ray_goes_as_far_as_in_arrays(name) -> None:
+def test_a_ray_goes_as_far_as_in_arrays(name: str) -> None:
     rng = np.random.default_rng(0)
     places = rng.uniform(-0.2, 0.3, (2000, 2))
     angles = rng.uniform(-pi, pi, len(places))
@@ -47,7 +47,7 @@ def test_a_ray_goes_as_far_as_in_arrays(name) -> None:
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_the_way_toward_a_solid_is_the_shortest_one(name) -> None:
+def test_the_way_toward_a_solid_is_the_shortest_one(name: str) -> None:
     solid = SOLIDS[name]
     angles = np.linspace(-pi, pi, 3600)
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -3,6 +3,7 @@
 import select
 import socket
 import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
@@ -23,20 +24,20 @@ KINDS = pytest.mark.parametrize("port", [TcpPort, Rfc2217Port], indirect=True)
 
 
 @pytest.fixture
-def port(request: pytest.FixtureRequest):
+def port(request: pytest.FixtureRequest) -> Iterator[Rfc2217Port | TcpPort]:
     opened = getattr(request, "param", TcpPort)("127.0.0.1:0")
     yield opened
     opened.close()
 
 
 @contextmanager
-def client(port, **options):
+def client(port: Rfc2217Port | TcpPort, **options) -> Iterator[socket.socket]:
     host, number = tcp_address(port.url.partition("//")[2])
     with socket.create_connection((host, number), timeout=PATIENCE, **options) as connection:
         yield connection
 
 
-def received(port, count, limit=MUCH):
+def received(port: Rfc2217Port | TcpPort, count: int, limit: int = MUCH) -> list[bytes]:
     """Return what clients do, until there are so many bytes and goodbyes of it."""
     chunks = []
     while sum(len(chunk) or 1 for chunk in chunks) < count:
@@ -45,21 +46,21 @@ def received(port, count, limit=MUCH):
     return chunks
 
 
-def admitted(port, count=1) -> None:
+def admitted(port: Rfc2217Port | TcpPort, count: int = 1) -> None:
     """Wait for clients at the door and let them in, or not."""
     for _ in range(count):
         assert select.select(port.descriptors(room=False)[:1], (), (), PATIENCE)[0]
         assert port.receive(MUCH) == []
 
 
-def all_of(connection):
+def all_of(connection: socket.socket) -> bytes:
     data = b""
     while more := connection.recv(MUCH):
         data += more
     return data
 
 
-def exactly(connection, count):
+def exactly(connection: socket.socket, count: int) -> bytes:
     data = b""
     while len(data) < count:
         data += connection.recv(count - len(data))
@@ -67,7 +68,7 @@ def exactly(connection, count):
 
 
 class TestBytes:
-    def test_pass_unchanged_in_both_directions(self, port) -> None:
+    def test_pass_unchanged_in_both_directions(self, port: Rfc2217Port | TcpPort) -> None:
         every_byte = bytes(range(256))
         with client(port) as connection:
             connection.sendall(every_byte)
@@ -75,7 +76,7 @@ class TestBytes:
             port.write(every_byte)
             assert exactly(connection, 256) == every_byte
 
-    def test_beyond_the_limit_stay_with_the_client(self, port) -> None:
+    def test_beyond_the_limit_stay_with_the_client(self, port: Rfc2217Port | TcpPort) -> None:
         with client(port) as connection:
             connection.sendall(b"abcdef")
             assert received(port, 4, 4) == [b"abcd"]
@@ -83,7 +84,7 @@ class TestBytes:
             assert received(port, 2, 4) == [b"ef"]
 
     @KINDS
-    def test_that_nobody_reads_are_dropped_and_counted(self, port) -> None:
+    def test_that_nobody_reads_are_dropped_and_counted(self, port: Rfc2217Port | TcpPort) -> None:
         with client(port):
             admitted(port)
             for _ in range(1000):
@@ -91,20 +92,20 @@ class TestBytes:
             assert port.dropped > 2_000_000
 
     @KINDS
-    def test_to_nobody_are_no_loss(self, port) -> None:
+    def test_to_nobody_are_no_loss(self, port: Rfc2217Port | TcpPort) -> None:
         port.write(b"x")
         assert port.receive(MUCH) == []
 
 
 class TestClients:
-    def test_leave_after_their_last_byte(self, port) -> None:
+    def test_leave_after_their_last_byte(self, port: Rfc2217Port | TcpPort) -> None:
         with client(port) as connection:
             connection.sendall(b"abcdef")
         assert received(port, 7, 4) == [b"abcd", b"ef", b""]
 
     @KINDS
     def test_beyond_the_first_are_told_why_and_turned_away(
-        self, port, monkeypatch: pytest.MonkeyPatch
+        self, port: Rfc2217Port | TcpPort, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         with client(port) as first:
@@ -121,7 +122,7 @@ class TestClients:
             assert received(port, 2) == [b"N\n"]
 
     def test_wait_for_a_moment_for_one_that_is_about_to_leave(
-        self, port, monkeypatch: pytest.MonkeyPatch
+        self, port: Rfc2217Port | TcpPort, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(tcp, "GRACE", PATIENCE)
         with client(port) as first:
@@ -135,7 +136,7 @@ class TestClients:
                 assert exactly(second, 3) == b"b\r\n"
 
     def test_at_the_door_are_not_without_number(
-        self, port, monkeypatch: pytest.MonkeyPatch
+        self, port: Rfc2217Port | TcpPort, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(tcp, "GRACE", PATIENCE)
         with client(port), ExitStack() as stack:
@@ -147,7 +148,7 @@ class TestClients:
             assert all_of(crowd[3]).startswith(b"the robot's line is in use")
             assert not select.select(crowd[4:], (), (), 0)[0]
 
-    def test_take_the_place_of_one_that_has_left_unseen(self, port) -> None:
+    def test_take_the_place_of_one_that_has_left_unseen(self, port: Rfc2217Port | TcpPort) -> None:
         with client(port) as first:
             admitted(port)
             first.sendall(b"O\nE\n")
@@ -157,7 +158,9 @@ class TestClients:
             port.write(b"b\r\n")
             assert exactly(second, 3) == b"b\r\n"
 
-    def test_that_leave_without_reading_have_their_requests_taken(self, port) -> None:
+    def test_that_leave_without_reading_have_their_requests_taken(
+        self, port: Rfc2217Port | TcpPort
+    ) -> None:
         with client(port) as connection:
             connection.sendall(b"N\n")
             assert received(port, 2) == [b"N\n"]
@@ -169,14 +172,16 @@ class TestClients:
         assert port.dropped == 0
 
     @KINDS
-    def test_are_told_of_the_end(self, port) -> None:
+    def test_are_told_of_the_end(self, port: Rfc2217Port | TcpPort) -> None:
         with client(port) as connection:
             admitted(port)
             port.close()
             all_of(connection)
 
     @KINDS
-    def test_that_end_their_sending_side_have_the_line_until_all_is_said(self, port) -> None:
+    def test_that_end_their_sending_side_have_the_line_until_all_is_said(
+        self, port: Rfc2217Port | TcpPort
+    ) -> None:
         with client(port) as connection:
             connection.sendall(b"B\n")
             connection.shutdown(socket.SHUT_WR)
@@ -188,7 +193,7 @@ class TestClients:
             assert all_of(connection).endswith(b"b\r\n")
 
     def test_that_only_listen_give_way_to_another_one(
-        self, port, monkeypatch: pytest.MonkeyPatch
+        self, port: Rfc2217Port | TcpPort, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         with client(port) as first:
@@ -209,7 +214,7 @@ class TestClients:
                 assert exactly(second, 3) == b"h\r\n"
 
     @KINDS
-    def test_that_left_much_behind_do_not_keep_the_line(self, port) -> None:
+    def test_that_left_much_behind_do_not_keep_the_line(self, port: Rfc2217Port | TcpPort) -> None:
         much = b"N\n" * 1_500_000  # an hour at 9600
 
         def write_and_leave() -> None:
@@ -232,7 +237,7 @@ class TestClients:
         thread.join(PATIENCE)
 
     def test_that_write_without_end_are_held_back(
-        self, port, monkeypatch: pytest.MonkeyPatch
+        self, port: Rfc2217Port | TcpPort, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(tcp, "_AHEAD", 100_000)
         with client(port) as connection:
@@ -254,7 +259,7 @@ class TestClients:
                 taken += len(chunk)
 
     def test_that_wrote_too_much_give_way_to_another_one(
-        self, port, monkeypatch: pytest.MonkeyPatch
+        self, port: Rfc2217Port | TcpPort, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(tcp, "_AHEAD", 1000)
         monkeypatch.setattr(tcp, "GRACE", 0.0)
@@ -269,7 +274,7 @@ class TestClients:
                     chunks += port.receive(0, answered=False)
                 assert received(port, 2) == [b"H\n"]
 
-    def test_may_come_and_go_often(self, port) -> None:
+    def test_may_come_and_go_often(self, port: Rfc2217Port | TcpPort) -> None:
         for turn in range(100):
             with client(port) as connection:
                 connection.sendall(b"%03d\n" % turn)
@@ -280,7 +285,10 @@ class TestLog:
     """At the level `info` it is told who comes and goes, and what is refused."""
 
     def test_tells_who_comes_and_goes_and_who_is_turned_away(
-        self, port, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+        self,
+        port: Rfc2217Port | TcpPort,
+        monkeypatch: pytest.MonkeyPatch,
+        caplog: pytest.LogCaptureFixture,
     ) -> None:
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         caplog.set_level("INFO")
@@ -306,7 +314,7 @@ class TestLog:
         ],
     )
     def test_tells_which_settings_are_refused(
-        self, port, caplog: pytest.LogCaptureFixture, data, told: str
+        self, port: Rfc2217Port | TcpPort, caplog: pytest.LogCaptureFixture, data: bytes, told: str
     ) -> None:
         caplog.set_level("INFO")
         with client(port) as connection:
@@ -322,14 +330,14 @@ IAC_SB = rfc2217.IAC + rfc2217.SB
 IAC_SE = rfc2217.IAC + rfc2217.SE
 
 
-def setting(option, value):
+def setting(option: bytes, value: bytes) -> bytes:
     return IAC_SB + rfc2217.COM_PORT_OPTION + option + value + IAC_SE
 
 
 @pytest.mark.parametrize("port", [Rfc2217Port], indirect=True)
 class TestTelnet:
     @staticmethod
-    def taken(port, connection, data):
+    def taken(port: Rfc2217Port, connection: socket.socket, data: bytes) -> bytes:
         """Bytes for the robot in what a client sends; the marker says that all has come."""
         connection.sendall(data + b"\x00end")
         seen = b""
@@ -338,7 +346,7 @@ class TestTelnet:
             seen += chunk
         return seen[:-4]
 
-    def test_settings_are_the_clients(self, port) -> None:
+    def test_settings_are_the_clients(self, port: Rfc2217Port | TcpPort) -> None:
         assert port.settings() == LineFormat(9600)
         with client(port) as connection:
             data = (
@@ -351,7 +359,7 @@ class TestTelnet:
             assert self.taken(port, connection, data) == b"B"
             assert port.settings() == LineFormat(38400, 7, "E", 2)
 
-    def test_every_byte_passes_in_both_directions(self, port) -> None:
+    def test_every_byte_passes_in_both_directions(self, port: Rfc2217Port | TcpPort) -> None:
         every_byte = bytes(range(256))
         escaped = every_byte.replace(b"\xff", b"\xff\xff")
         with client(port) as connection:
@@ -377,16 +385,18 @@ class TestTelnet:
             rfc2217.IAC + b"\x00",
         ],
     )
-    def test_nonsense_changes_nothing(self, port, nonsense) -> None:
+    def test_nonsense_changes_nothing(self, port: Rfc2217Port | TcpPort, nonsense: bytes) -> None:
         with client(port) as connection:
             assert self.taken(port, connection, nonsense + b"B\n") == b"B\n"
             assert port.settings() == LineFormat(9600)
 
-    def test_an_option_without_an_end_is_forgotten(self, port) -> None:
+    def test_an_option_without_an_end_is_forgotten(self, port: Rfc2217Port | TcpPort) -> None:
         with client(port) as connection:
             assert self.taken(port, connection, IAC_SB + b"x" * 1000 + b"B\n").endswith(b"xB\n")
 
-    def test_a_client_that_never_reads_is_dropped_in_the_end(self, port) -> None:
+    def test_a_client_that_never_reads_is_dropped_in_the_end(
+        self, port: Rfc2217Port | TcpPort
+    ) -> None:
         ask = setting(rfc2217.SET_BAUDRATE, bytes(4)) * 100
         with client(port) as connection:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -399,7 +409,7 @@ class TestTelnet:
                     connection.send(ask)
                 goodbye = [chunk for chunk in port.receive(1 << 16) if not chunk]
 
-    def test_no_escape_is_cut_in_half(self, port) -> None:
+    def test_no_escape_is_cut_in_half(self, port: Rfc2217Port | TcpPort) -> None:
         with client(port) as connection:
             admitted(port)
             written = 0
@@ -416,7 +426,7 @@ class TestTelnet:
             data += all_of(connection)
         assert data[start:] == b"\xff" * (2 * kept) + b"x"
 
-    def test_settings_are_seen_behind_bytes_that_wait(self, port) -> None:
+    def test_settings_are_seen_behind_bytes_that_wait(self, port: Rfc2217Port | TcpPort) -> None:
         with client(port) as connection:
             admitted(port)
             connection.sendall(b"N\n" * 50_000)
@@ -434,7 +444,9 @@ class TestTelnet:
             (rfc2217.PURGE_RECEIVE_BUFFER, b"N\nO\n"),
         ],
     )
-    def test_what_waits_can_be_taken_back(self, port, what, rest: bytes) -> None:
+    def test_what_waits_can_be_taken_back(
+        self, port: Rfc2217Port | TcpPort, what: bytes, rest: bytes
+    ) -> None:
         with client(port) as connection:
             data = b"N\nO\n" + setting(rfc2217.PURGE_DATA, what) + b"B\n"
             assert self.taken(port, connection, data) == rest + b"B\n"
@@ -451,7 +463,7 @@ class TestTelnet:
         ],
     )
     def test_a_nul_behind_a_return_is_dropped_unless_the_line_is_binary(
-        self, port, pieces, meant: bytes
+        self, port: Rfc2217Port | TcpPort, pieces: tuple[bytes, ...], meant: bytes
     ) -> None:
         with client(port) as connection:
             admitted(port)
@@ -462,7 +474,7 @@ class TestTelnet:
             assert self.taken(port, connection, b"") == meant
 
     @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-    def test_pyserial_opens_it(self, port) -> None:
+    def test_pyserial_opens_it(self, port: Rfc2217Port | TcpPort) -> None:
         """The whole of pySerial's negotiation, with its own client."""
         seen = []
 
@@ -527,7 +539,7 @@ class TestAddress:
             pytest.skip(str(error))  # a machine without IPv6
         port.close()
 
-    def test_in_use_is_refused(self, port) -> None:
+    def test_in_use_is_refused(self, port: Rfc2217Port | TcpPort) -> None:
         with pytest.raises(EmulatorError, match=r"cannot listen on 127.0.0.1:\d+: Address already"):
             TcpPort(port.url.partition("//")[2])
 
@@ -550,7 +562,9 @@ class TestChoice:
             ({"rfc2217": "127.0.0.1:0"}, Rfc2217Port),
         ],
     )
-    def test_is_one_port(self, options, kind) -> None:
+    def test_is_one_port(
+        self, options: dict[str, str], kind: type[PtyPort] | type[TcpPort]
+    ) -> None:
         port = open_port(**options)
         assert type(port) is kind
         port.close()

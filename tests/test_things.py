@@ -18,6 +18,7 @@ from khepera_emulator.robot.crew import Crew
 from khepera_emulator.robot.robot import Robot
 from khepera_emulator.senses.camera import HEIGHT, OmniCamera
 from khepera_emulator.senses.renderers.faces import FacesRenderer
+from khepera_emulator.world.solids import Brick, Disc
 from khepera_emulator.world.world import BODY_GROUP, RAY_GROUP, World
 
 IDEAL = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
@@ -31,18 +32,23 @@ HALF = {"box": 0.02, "post": 0.0125, "ball": 0.02}
 class Bench:
     """A robot among things, driven without a serial line."""
 
-    def __init__(self, *things, pose=ORIGIN, **parts) -> None:
+    def __init__(
+        self,
+        *things: dict[str, float | list[float] | str],
+        pose: Pose = ORIGIN,
+        **parts: list[dict[str, object]],
+    ) -> None:
         self.world = World(arena(object=list(things), **parts))
         self.robot = Robot(self.world, KHEPERA, pose, IDEAL, np.random.default_rng(0))
         self.crew = Crew(self.world, [self.robot])
 
-    def drive(self, speed, seconds) -> None:
+    def drive(self, speed: int, seconds: float) -> None:
         for wheel in self.robot.wheels:
             wheel.drive_speed(speed)
         self.crew.run(self.robot.ticks + round(seconds * 100))
 
     @property
-    def things(self):
+    def things(self) -> list[Brick | Disc]:
         return [thing.footprint for thing in self.world.things]
 
 
@@ -50,7 +56,9 @@ class Bench:
 def bench():
     made = []
 
-    def make(*things, **parts):
+    def make(
+        *things: dict[str, float | list[float] | str], **parts: Pose | list[dict[str, object]]
+    ) -> Bench:
         made.append(Bench(*things, **parts))
         return made[-1]
 
@@ -61,7 +69,9 @@ def bench():
 
 @pytest.mark.parametrize("thing", [BOX, POST, BALL], ids=lambda thing: thing["shape"])
 class TestPushing:
-    def test_moves_a_thing_ahead_of_the_robot(self, bench, thing) -> None:
+    def test_moves_a_thing_ahead_of_the_robot(
+        self, bench, thing: dict[str, float | list[float] | str]
+    ) -> None:
         made = bench(thing)
         made.drive(5, 4.0)
         body, (place,) = made.robot.chassis, made.things
@@ -72,7 +82,9 @@ class TestPushing:
         assert abs(place.y) < 0.002
         assert made.robot.touched
 
-    def test_ends_when_the_robot_stops(self, bench, thing) -> None:
+    def test_ends_when_the_robot_stops(
+        self, bench, thing: dict[str, float | list[float] | str]
+    ) -> None:
         made = bench(thing)
         made.drive(10, 1.3)
         made.drive(0, 3.0)
@@ -82,7 +94,9 @@ class TestPushing:
         made.drive(0, 1.0)
         assert (made.things[0].x, made.things[0].y) == pytest.approx(place, abs=1e-6)
 
-    def test_leaves_it_upright_on_the_floor(self, bench, thing) -> None:
+    def test_leaves_it_upright_on_the_floor(
+        self, bench, thing: dict[str, float | list[float] | str]
+    ) -> None:
         made = bench(thing, pose=Pose(x=0.0, y=0.012, heading=0.0))
         made.drive(15, 1.5)
         (body,) = made.world.things
@@ -93,7 +107,9 @@ class TestPushing:
         assert z == pytest.approx(rise, abs=0.0005)
         assert pybullet.getEulerFromQuaternion(turn)[:2] == pytest.approx((0.0, 0.0), abs=0.01)
 
-    def test_stops_at_a_wall_and_so_does_the_robot(self, bench, thing) -> None:
+    def test_stops_at_a_wall_and_so_does_the_robot(
+        self, bench, thing: dict[str, float | list[float] | str]
+    ) -> None:
         made = bench(thing, wall=[{"points": [[0.205, -1.0], [0.205, 1.0]]}])
         made.drive(10, 4.0)
         (place,) = made.things
@@ -101,7 +117,9 @@ class TestPushing:
         gap = place.x - made.robot.chassis.x - HALF[thing["shape"]]
         assert gap == pytest.approx(KHEPERA.radius, abs=0.001)
 
-    def test_nothing_moves_before_it_is_touched(self, bench, thing) -> None:
+    def test_nothing_moves_before_it_is_touched(
+        self, bench, thing: dict[str, float | list[float] | str]
+    ) -> None:
         made = bench(thing)
         made.drive(5, 0.8)
         assert not made.robot.touched
@@ -136,7 +154,9 @@ def test_a_heavy_thing_holds_a_robot(bench) -> None:
 @pytest.mark.parametrize(
     "parts", [{"object": [{**BOX, "mass": 3.0}]}, {"wall": [{"points": [[0.1, -1], [0.1, 1]]}]}]
 )
-def test_a_robot_that_has_stopped_at_something_rests(parts) -> None:
+def test_a_robot_that_has_stopped_at_something_rests(
+    parts: dict[str, list[dict[str, list[list[float]] | object]]],
+) -> None:
     world = World(arena(**parts))
     robot = Robot(world, KHEPERA, ORIGIN, IDEAL, np.random.default_rng(0))
     crew = Crew(world, [robot])
@@ -275,7 +295,7 @@ def test_the_camera_sees_a_thing_where_it_is_now(bench) -> None:
     made = bench({**BOX, "colour": [1, 0, 0]})
     camera = OmniCamera(made.world, np.random.default_rng(0), noise=0.0)
 
-    def red(pose):
+    def red(pose: Pose) -> tuple[int, float]:
         picture = camera.panorama(pose).astype(int)
         where = np.argwhere((picture[:, :, 2] > 100) & (picture[:, :, 1] < 30))
         return len(where), where[:, 1].mean() if len(where) else None
@@ -307,13 +327,13 @@ mass = 0.005
 
 
 @pytest.fixture
-def url(tmp_path: Path):
+def url(tmp_path: Path) -> str:
     path = tmp_path / "things.toml"
     path.write_text(THINGS)
     return f"khepera://{path}?seed=7"
 
 
-def test_a_seeded_reset_puts_everything_back(url) -> None:
+def test_a_seeded_reset_puts_everything_back(url: str) -> None:
     with open_port(url) as fresh:
         expected = session(fresh)
         # pushed about: the session is one with contacts
@@ -330,8 +350,8 @@ def open_outline(url):
         return port.emulator.outline().solids[-2:]
 
 
-def test_how_time_is_cut_makes_no_difference(url) -> None:
-    def drive(steps):
+def test_how_time_is_cut_makes_no_difference(url: str) -> None:
+    def drive(steps: int):
         with open_port(url) as port:
             port.write(b"D,10,9\nN\nH\n")
             for step in range(steps):
@@ -341,7 +361,7 @@ def test_how_time_is_cut_makes_no_difference(url) -> None:
     assert drive(1) == drive(7) == drive(997)
 
 
-def test_random_places_and_resets_keep_off_things(url) -> None:
+def test_random_places_and_resets_keep_off_things(url: str) -> None:
     with open_port(url) as port:
         reset = port.emulator.reset
         ask(port, b"D,10,10")

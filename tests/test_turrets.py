@@ -25,7 +25,7 @@ class Scenery:
         self.open = (-10.0, -10.0)
         self.origins = np.empty((0, 2))
 
-    def cast(self, origins, directions):
+    def cast(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         bearings = np.degrees(np.arctan2(directions[:, 1], directions[:, 0]))
         self.origins = origins
         grey = np.where((bearings > self.black[0]) & (bearings < self.black[1]), 0.0, 1.0)
@@ -42,21 +42,21 @@ class Table:
         self.log: list[tuple] = []
         self.jaw = (0.0, 0.0), (0.0, 0.0)
 
-    def between(self, left, right):
+    def between(self, left: tuple[float, float], right: tuple[float, float]) -> Piece | None:
         self.jaw = left, right
         return self.piece
 
-    def lift(self, piece):
+    def lift(self, piece: Piece) -> bool:
         self.log.append(("lift", piece.number))
         if self.light:
             self.piece = None
         return self.light
 
-    def carry(self, piece, place) -> None:
+    def carry(self, piece: Piece, place: tuple[float, float]) -> None:
         self.log = [entry for entry in self.log if entry[0] != "carry"]
         self.log.append(("carry", piece.number, place))
 
-    def put(self, piece, place) -> None:
+    def put(self, piece: Piece, place: tuple[float, float]) -> None:
         self.piece = piece
         self.log.append(("put", piece.number, place))
 
@@ -78,7 +78,9 @@ def gripper(nest: Nest) -> Gripper:
     return Gripper(nest.site)
 
 
-def ask(turret, letter: str, *arguments: int, now: float = 0.0) -> tuple[int, ...]:
+def ask(
+    turret: Gripper | K213 | Radio, letter: str, *arguments: int, now: float = 0.0
+) -> tuple[int, ...]:
     turret.step(now)
     return turret.answer(letter, arguments, now)
 
@@ -267,7 +269,7 @@ def test_there_is_nothing_beyond_the_ends(letter: str, start: int, first: int) -
 
 
 @pytest.mark.parametrize(("code", "period"), list(enumerate(READING_PERIODS)))
-def test_there_is_a_new_image_once_a_period(code, period) -> None:
+def test_there_is_a_new_image_once_a_period(code: int, period: float) -> None:
     turret = k213(Nest())
     turret.step(5.0)
     ask(turret, "U", code, now=5.0)

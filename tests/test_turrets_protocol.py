@@ -1,11 +1,21 @@
 """The table of the turrets' messages, read from both ends."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
 from khepera_protocol.serial.errors import ReplyError, RequestError
 from khepera_protocol.serial.messages import Reply, build_request, parse_reply, parse_request
-from khepera_protocol.serial.turrets import TURRETS, build_message, message_values, parse_message
+from khepera_protocol.serial.turrets import (
+    TURRETS,
+    TurretKind,
+    TurretMessage,
+    build_message,
+    message_values,
+    parse_message,
+)
 
 LETTERS = {"gripper": "BDEFGHJ", "k213": "BLMNOPQRSTU", "radio": "BFRS", "general-io": ""}
 NUMBERS = {"gripper": 1, "k213": 2, "radio": 4, "general-io": None}
@@ -25,7 +35,7 @@ def test_the_table_is_that_of_the_specification() -> None:
 
 
 @st.composite
-def messages(draw):
+def messages(draw) -> tuple[TurretKind, TurretMessage, list[Any]]:
     kind = TURRETS[draw(st.sampled_from(["gripper", "k213", "radio"]))]
     message = kind.messages[draw(st.sampled_from(sorted(kind.messages)))]
     numbers = [draw(st.integers(field.low, field.high)) for field in message.request]
@@ -33,7 +43,9 @@ def messages(draw):
 
 
 @given(messages(), st.data())
-def test_messages_and_replies_survive_the_line(drawn, data) -> None:
+def test_messages_and_replies_survive_the_line(
+    drawn: tuple[TurretKind, TurretMessage, list[Any]], data: DataObject
+) -> None:
     kind, message, numbers = drawn
     request = build_message(kind.name, message.letter, *numbers)
     assert parse_request(request.encode().rstrip(b"\n")) == request

@@ -167,7 +167,7 @@ def test_the_grid_is_a_nanosecond() -> None:
 class ByteByByte:
     """The receiving side as its words say, a byte at a time: slow, and easy to check by reading."""
 
-    def __init__(self, rate) -> None:
+    def __init__(self, rate: int | None) -> None:
         self.each = on_grid(11 / rate) if rate else 0.0
         self.busy = INTERPRETER_TIME if rate else 0.0
         self.free = self.line_free = 0.0
@@ -176,13 +176,13 @@ class ByteByByte:
         self.held = deque()
         self.line = b""
 
-    def receive(self, data, now) -> None:
+    def receive(self, data: bytes, now: float) -> None:
         self.line_free = max(self.line_free, now)
         for byte in data:
             self.line_free += self.each
             self.arriving.append((self.line_free, byte))
 
-    def requests(self, until):
+    def requests(self, until: float) -> list[tuple[float, bytes]]:
         done = []
         while self.arriving and self.arriving[0][0] <= until:
             when, byte = self.arriving.popleft()
@@ -195,7 +195,7 @@ class ByteByByte:
                 done += self.interpret(when)
         return done + self.interpret(until)
 
-    def interpret(self, until):
+    def interpret(self, until: float) -> list[tuple[float, bytes]]:
         done = []
         while self.held and self.free <= until:
             when, byte = self.held.popleft()
@@ -220,7 +220,9 @@ class ByteByByte:
         max_size=12,
     ),
 )
-def test_a_line_is_as_if_every_byte_came_by_itself(rate, steps) -> None:
+def test_a_line_is_as_if_every_byte_came_by_itself(
+    rate: int | None, steps: list[tuple[bytes, float]]
+) -> None:
     uart, model = Uart(rate), ByteByByte(rate)
     now = 0.0
     for data, wait in steps:
@@ -238,7 +240,9 @@ def test_a_line_is_as_if_every_byte_came_by_itself(rate, steps) -> None:
     st.lists(st.tuples(st.binary(max_size=9), st.floats(0.0, 0.01), st.integers(0, 12))),
     st.sampled_from([None, 9600, 115200]),
 )
-def test_replies_may_be_taken_in_any_portions(steps, rate) -> None:
+def test_replies_may_be_taken_in_any_portions(
+    steps: list[tuple[bytes, float, int]], rate: int | None
+) -> None:
     whole, pieces = Uart(rate), Uart(rate)
     when, times, taken = 0.0, [], b""
     for data, wait, count in steps:

@@ -17,7 +17,7 @@ from hypothesis.strategies._internal.strategies import OneOfStrategy
 from khepera_protocol.zenoh.controller_payloads import Decision, Learned
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, KEYS, PAYLOADS
 from khepera_protocol.zenoh.payload_model import MOST_JSON, PayloadError
-from khepera_protocol.zenoh.payloads import Stamp
+from khepera_protocol.zenoh.payloads import CameraQuery, Stamp
 from khepera_protocol.zenoh.schema import schema_of
 from rich.console import Console
 from watching_helpers import BEGIN, a_picture
@@ -153,7 +153,9 @@ def bounded(value, limit: float = 1e10) -> bool:
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
-def test_damaged_payloads_are_bounded_or_refused(model, hostile: Hostile) -> None:
+def test_damaged_payloads_are_bounded_or_refused(
+    model: type[CameraQuery] | type[Decision], hostile: Hostile
+) -> None:
     refusals = []
 
     @settings(max_examples=hostile.examples(40))
@@ -188,7 +190,9 @@ def test_damaged_payloads_are_bounded_or_refused(model, hostile: Hostile) -> Non
     ],
     ids=range(9),
 )
-def test_large_and_deep_texts_are_refused(model, data: bytes, hostile: Hostile) -> None:
+def test_large_and_deep_texts_are_refused(
+    model: type[CameraQuery] | type[Decision], data: bytes, hostile: Hostile
+) -> None:
     hostile.count("payloads")
     with pytest.raises(PayloadError) as refused:
         model.parse(data)
