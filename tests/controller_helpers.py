@@ -2,9 +2,9 @@
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from queue import SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 import numpy as np
 import zenoh
@@ -84,9 +84,35 @@ def publishing(endpoint: str, robot: str = "khepera") -> Iterator[tuple[zenoh.Se
         yield session, publisher
 
 
-@contextmanager
-def watching(endpoint: str, *keys: str) -> Iterator[tuple[zenoh.Session, *tuple[Samples, ...]]]:
+@overload
+def watching(endpoint: str, /) -> AbstractContextManager[tuple[zenoh.Session]]: ...
+
+
+@overload
+def watching(
+    endpoint: str, key: str, /
+) -> AbstractContextManager[tuple[zenoh.Session, Samples]]: ...
+
+
+@overload
+def watching(
+    endpoint: str, key: str, other: str, /
+) -> AbstractContextManager[tuple[zenoh.Session, Samples, Samples]]: ...
+
+
+@overload
+def watching(
+    endpoint: str, key: str, other: str, third: str, /
+) -> AbstractContextManager[tuple[zenoh.Session, Samples, Samples, Samples]]: ...
+
+
+def watching(endpoint: str, *keys: str) -> AbstractContextManager[Any]:
     """A session connected to an endpoint, and a queue of what comes on each key."""
+    return _watching(endpoint, *keys)
+
+
+@contextmanager
+def _watching(endpoint: str, *keys: str) -> Iterator[tuple[zenoh.Session, *tuple[Samples, ...]]]:
     with open_session([], [endpoint]) as session:
         queues: list[Samples] = [SimpleQueue() for _ in keys]
         for key, queue in zip(keys, queues, strict=True):

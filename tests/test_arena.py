@@ -10,7 +10,7 @@ import pytest
 from khepera_protocol.zenoh.payloads import Pose
 from worlds import gap_in, reachable
 
-from khepera_emulator.app.cli import app
+from khepera_emulator.app.cli.commands import app
 from khepera_emulator.arenas.arena import arena_names, load_arena
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA, KHEPERA2
@@ -45,7 +45,7 @@ def test_the_arenas_that_come_with_the_package() -> None:
 
 
 @pytest.mark.parametrize("name", arena_names())
-def test_packaged_arena_has_room_at_its_start_and_at_random_places(name) -> None:
+def test_packaged_arena_has_room_at_its_start_and_at_random_places(name: str) -> None:
     arena, gap = load_arena(name), gap_in(name)
     check_room(pose_of(arena.start), gap)
     rng = np.random.default_rng(0)
@@ -55,7 +55,7 @@ def test_packaged_arena_has_room_at_its_start_and_at_random_places(name) -> None
 
 
 @pytest.mark.parametrize("name", arena_names())
-def test_the_middle_of_the_free_strip_is_free(name) -> None:
+def test_the_middle_of_the_free_strip_is_free(name: str) -> None:
     arena, gap = load_arena(name), gap_in(name)
     if arena.cylinder:
         pytest.skip("posts stand in the strip")
@@ -72,7 +72,7 @@ def test_a_straight_drive_collides_in_the_eighth_command(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", arena_names())
-def test_every_solid_stands_in_the_world(name) -> None:
+def test_every_solid_stands_in_the_world(name: str) -> None:
     world = World(load_arena(name))
     parts = [
         shape
@@ -113,7 +113,7 @@ def test_both_robots_can_get_to_the_end(name: str, goal: tuple[float, float]) ->
     assert all(x0 < x < x1 and y0 < y < y1 for x, y in places)
 
 
-def run(capsys, *arguments):
+def run(capsys: pytest.CaptureFixture[str], *arguments: str):
     app(["arenas", *arguments], prog_name="khepera-emulator", standalone_mode=False)
     return capsys.readouterr().out.splitlines()
 

@@ -2,10 +2,12 @@
 
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 from controller_helpers import free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
+from selenium.webdriver import Chrome
 from watching_helpers import a_life
 
 from macor_hil.telemetry.feed import Arrival
@@ -35,11 +37,11 @@ def browser():
         yield driver
 
 
-def visit(browser, address) -> None:
+def visit(browser: Chrome, address: str) -> None:
     """Open a page as soon as it is served."""
     from selenium.common.exceptions import WebDriverException
 
-    def opened(driver):
+    def opened(driver: Chrome):
         try:
             driver.get(address)
         except WebDriverException:
@@ -49,31 +51,31 @@ def visit(browser, address) -> None:
     until(browser, opened)
 
 
-def until(browser, condition):
+def until(browser: Chrome, condition):
     from selenium.webdriver.support.wait import WebDriverWait
 
     return WebDriverWait(browser, PATIENCE, poll_frequency=0.1).until(condition)
 
 
-def says(text):
-    def found(driver):
+def says(text: str):
+    def found(driver: Chrome):
         return text in driver.execute_script("return document.body ? document.body.innerText : ''")
 
     return found
 
 
-def count(driver, selector):
+def count(driver: Chrome, selector):
     return driver.execute_script("return document.querySelectorAll(arguments[0]).length", selector)
 
 
-def shows(selector, number):
-    def found(driver):
+def shows(selector, number: int):
+    def found(driver: Chrome):
         return count(driver, selector) == number
 
     return found
 
 
-def test_a_robot_appears_drives_goes_and_comes_again(browser) -> None:
+def test_a_robot_appears_drives_goes_and_comes_again(browser: Chrome) -> None:
     endpoint = free_endpoint()
     life = a_life()
     with (
@@ -118,14 +120,14 @@ main()
 """
 
 
-def test_a_page_whose_drawing_fails_says_so(browser) -> None:
+def test_a_page_whose_drawing_fails_says_so(browser: Chrome) -> None:
     with dashboard("--connect", free_endpoint(), code=BROKEN) as address:
         visit(browser, address)
         until(browser, says("the page failed 1 times, please report it: ZeroDivisionError"))
         assert says("waiting for a robot")(browser)
 
 
-def test_every_page_plays_a_recording_for_itself(browser, recording) -> None:
+def test_every_page_plays_a_recording_for_itself(browser: Chrome, recording: Path) -> None:
     with dashboard(str(recording)) as address:
         visit(browser, address)
         until(browser, says("of 40 commands"))
@@ -141,7 +143,7 @@ def test_every_page_plays_a_recording_for_itself(browser, recording) -> None:
         assert "PLAY" in text_of_button(browser).upper()
 
 
-def hosts(browser):
+def hosts(browser: Chrome):
     """Return the hosts that the page asked for anything."""
     log = "".join(each["message"] for each in browser.get_log("performance"))
     return set(re.findall(r'"url":"(?:https?|wss?)://([^:/"]+)', log))
@@ -158,7 +160,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory):
     return path
 
 
-def test_a_recording_is_scrubbed_by_keyboard(browser, recording) -> None:
+def test_a_recording_is_scrubbed_by_keyboard(browser: Chrome, recording: Path) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
 
@@ -184,12 +186,12 @@ def test_a_recording_is_scrubbed_by_keyboard(browser, recording) -> None:
         until(browser, says("waiting for a robot"))
 
 
-def text_of_button(driver):
+def text_of_button(driver: Chrome):
     return driver.execute_script("return document.querySelector('button').innerText")
 
 
 @pytest.mark.parametrize("width", [360, 1500])
-def test_nothing_is_wider_than_the_screen(browser, recording, width: int) -> None:
+def test_nothing_is_wider_than_the_screen(browser: Chrome, recording: Path, width: int) -> None:
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False},

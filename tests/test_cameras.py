@@ -4,14 +4,17 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import zenoh
+from as_type import not_none
 from controller_helpers import PATIENCE, free_endpoint, watching
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Stamp
@@ -39,7 +42,9 @@ def noise(seed: int = 0, shape: tuple[int, ...] = (16, 16, 3)) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
 
 
-def opened(name: str, session=None) -> ImagesCamera | VideoFileCamera | ZenohCamera:
+def opened(
+    name: str, session: zenoh.Session | None = None
+) -> ImagesCamera | VideoFileCamera | ZenohCamera:
     return open_camera(name, port=None, session=session, robot="khepera")
 
 
@@ -96,7 +101,7 @@ class FakeCapture:
     """A video device that gives what is put into it, and waits meanwhile."""
 
     def __init__(self, opened: bool = True) -> None:
-        self.pictures = SimpleQueue()
+        self.pictures: SimpleQueue[np.ndarray | None] = SimpleQueue()
         self.opened = opened
         self.released = False
         self.reads = threading.Semaphore(0)
@@ -126,7 +131,7 @@ def test_a_live_video_gives_no_picture_that_was_begun_before_it_was_asked_for(
     device = FakeCapture()
     camera = LiveVideoCamera("0", lambda _: device)
     device.reads.acquire()  # it is being read
-    got = SimpleQueue()
+    got: SimpleQueue[Frame] = SimpleQueue()
     thread = threading.Thread(target=lambda: got.put(camera.grab()))
     thread.start()
     assert waits.acquire(timeout=PATIENCE)
@@ -148,14 +153,14 @@ def test_a_live_video_that_was_unplugged_is_opened_again() -> None:
     devices[1].pictures.get()
     left = iter(devices)
     camera = LiveVideoCamera("0", lambda _: next(left))
-    np.testing.assert_array_equal(camera.grab().image[0, 0], camera._newest.image[0, 0])
+    np.testing.assert_array_equal(camera.grab().image[0, 0], not_none(camera._newest).image[0, 0])
     assert devices[0].released
     devices[1].pictures.put(noise(9))
     camera.close()
 
 
 def test_a_live_video_whose_reader_has_died_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    heard = []
+    heard: list[threading.ExceptHookArgs] = []
     monkeypatch.setattr(threading, "excepthook", heard.append)
     device = FakeCapture()
     device.read = lambda: 1 / 0
@@ -191,7 +196,7 @@ class StreamServer:
         self._server = socket.create_server(("127.0.0.1", 0))
         self.address = f"http://127.0.0.1:{self._server.getsockname()[1]}/stream"
         self.silent = threading.Event()
-        self.connections = []
+        self.connections: list[socket.socket] = []
         threading.Thread(target=self._serve, daemon=True).start()
 
     def _serve(self) -> None:
@@ -255,7 +260,7 @@ def test_a_source_that_only_publishes_is_heard() -> None:
     endpoint = free_endpoint()
     with watching(endpoint) as (watcher,), open_session([endpoint], []) as source:
         camera = opened("zenoh:any/key", watcher)
-        got = SimpleQueue()
+        got: SimpleQueue[Frame] = SimpleQueue()
         thread = threading.Thread(target=lambda: got.put(camera.grab()))
         thread.start()
         with source.declare_publisher("any/key") as publisher:
@@ -280,7 +285,7 @@ def test_an_answer_that_is_no_picture_is_named(
     endpoint = free_endpoint()
     with open_session([endpoint], []) as source, watching(endpoint) as (watcher,):
 
-        def answer(query) -> None:
+        def answer(query: zenoh.Query) -> None:
             with query:
                 query.reply("any/key", payload, attachment=attachment)
 
@@ -297,7 +302,7 @@ def test_an_answer_is_placed_by_its_stamp() -> None:
     stamp = Stamp(sequence=5, time=1.25).model_dump_json()
     with open_session([endpoint], []) as source, watching(endpoint) as (watcher,):
 
-        def answer(query) -> None:
+        def answer(query: zenoh.Query) -> None:
             with query:
                 query.reply("any/key", PNG, attachment=stamp)
 
@@ -306,10 +311,10 @@ def test_an_answer_is_placed_by_its_stamp() -> None:
     assert (frame.sequence, frame.time) == (5, 1.25)
 
 
-def answering(session, payload: bytes, **options: bool):
+def answering(session: zenoh.Session, payload: bytes, **options: bool) -> zenoh.Queryable:
     """A queryable that answers with a picture, or what it is given."""
 
-    def answer(query) -> None:
+    def answer(query: zenoh.Query) -> None:
         with query:
             query.reply("any/key", payload, timestamp=session.new_timestamp())
 
@@ -317,7 +322,7 @@ def answering(session, payload: bytes, **options: bool):
 
 
 @contextmanager
-def three_sessions():
+def three_sessions() -> Iterator[tuple[zenoh.Session, zenoh.Session, zenoh.Session]]:
     """Of the camera's owner, of who drives, and of a stranger who connects to both."""
     source, driver = free_endpoint(), free_endpoint()
     with (
@@ -346,7 +351,7 @@ def test_a_stranger_s_pictures_are_not_taken(
     assert "1 other sources answer" in caplog.text
 
 
-def until_answers(session, number: int) -> None:
+def until_answers(session: zenoh.Session, number: int) -> None:
     """Wait until so many sources answer."""
     options = {
         "target": zenoh.QueryTarget.ALL,
@@ -359,7 +364,7 @@ def until_answers(session, number: int) -> None:
 
 
 def test_a_stranger_who_keeps_his_answer_back_delays_nothing() -> None:
-    kept = []
+    kept: list[zenoh.Query] = []
     with three_sessions() as (owner, driving, stranger), answering(owner, PNG):
         camera = CheckedCamera(opened("zenoh:any/key", driving), PictureLimits(repeats=10_000))
         camera.grab()
@@ -428,7 +433,9 @@ def test_a_session_that_was_closed_is_a_lost_camera() -> None:
 class Pictures:
     """A camera that shows what it is given, then fails."""
 
-    def __init__(self, *images: np.ndarray, live: bool = True, act=lambda: None) -> None:
+    def __init__(
+        self, *images: np.ndarray, live: bool = True, act: Callable[..., Any] = lambda: None
+    ) -> None:
         self.live = live
         self.images = list(images)
         self.act = act
@@ -540,14 +547,14 @@ def test_the_watch_tells_of_a_camera_that_hangs() -> None:
 def test_a_watch_that_dies_is_heard_at_once_and_begins_anew_with_the_next_drive(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    printed = []
+    printed: list[threading.ExceptHookArgs] = []
     monkeypatch.setattr(threading, "excepthook", printed.append)
     camera = Pictures(noise(), act=lambda: 1 / 0)
     with CameraWatch(camera, limit=60.0) as watch:
         for number in (1, 2):
             with pytest.raises(CameraLostError, match=r"watched no more: .* division by zero"):
                 drive_on(watch)
-            watch._thread.join(PATIENCE)
+            not_none(watch._thread).join(PATIENCE)
             assert len(printed) == number
         camera.act = lambda: None
         watch.guard()
@@ -571,7 +578,7 @@ def interrupt_after(calls: int) -> None:
     """Have a KeyboardInterrupt come after so many calls of C functions, as a signal may."""
     left = calls
 
-    def profile(_frame, event: str, _argument) -> None:
+    def profile(_frame: Any, event: str, _argument: Any) -> None:
         nonlocal left
         left -= event == "c_return"
         if left == 0:

@@ -1,6 +1,7 @@
 """Pushing against walls: the body's own impulses against PyBullet's, and what they must obey."""
 
 from math import cos, degrees, hypot, radians, sin
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -20,7 +21,7 @@ START = 0.1 - 0.0005 - KHEPERA.radius
 
 
 def drive(
-    walls: list[dict[str, object]],
+    walls: list[dict[str, Any]],
     pose: Pose,
     speeds: tuple[float, float],
     periods: int,

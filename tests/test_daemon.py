@@ -11,12 +11,14 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
+from as_type import not_none
 from emulator_process import COMMAND, PATIENCE, EmulatorProcess, emulator, link_options
 from khepera_protocol.serial.units import wire_time
 from unprivileged import enter_from_outside
@@ -55,7 +57,7 @@ def link_of(running: EmulatorProcess) -> str:
     return running.announcement.partition("link ")[2]
 
 
-def connect(running: EmulatorProcess, **settings: float) -> serial.Serial:
+def connect(running: EmulatorProcess, **settings: Any) -> serial.Serial:
     return serial.Serial(running.path, timeout=PATIENCE, **settings)
 
 
@@ -113,7 +115,7 @@ class TestClients:
             ],
             stdout=subprocess.PIPE,
         )
-        victim.stdout.readline()
+        not_none(victim.stdout).readline()
         victim.kill()
         victim.communicate(timeout=PATIENCE)
         with connect(unpaced) as port:
@@ -374,7 +376,7 @@ class TestEnd:
             process = subprocess.Popen(
                 [*COMMAND, *link_options(tmp_path)], pass_fds=inherited, stdout=subprocess.PIPE
             )
-        assert process.stdout.readline().startswith(b"khepera on ")
+        assert not_none(process.stdout).readline().startswith(b"khepera on ")
         try:
             with serial.Serial(str(tmp_path / "khepera"), timeout=PATIENCE) as port:
                 assert ask(port, b"B\n") == VERSION
@@ -460,7 +462,7 @@ class TestUnprivileged:
             text=True,
         )
         try:
-            first = process.stdout.readline().partition(" on ")[2].partition(",")[0]
+            first = not_none(process.stdout).readline().partition(" on ")[2].partition(",")[0]
             with serial.Serial(first, timeout=PATIENCE) as port:
                 assert ask(port, b"G,7,8\n") == b"g\r\n"
                 fcntl.ioctl(port.fd, termios.TIOCEXCL)
@@ -695,7 +697,7 @@ class TestHangUp:
         line = _Line(emulated, port, False, None, None)
         address = tcp_address(port.url.partition("//")[2])
 
-        def live(until) -> None:
+        def live(until: Callable[..., Any]) -> None:
             while not until():
                 line.descriptors()
                 line.look(set())

@@ -4,20 +4,24 @@ import contextlib
 import logging
 import xml.etree.ElementTree as ElementTree
 from math import radians
+from typing import Any
 
 import pytest
+from as_type import as_type, not_none
 from controller_helpers import a_decision, a_state
-from khepera_protocol.zenoh.controller_payloads import Hypothesis, Phase
+from khepera_protocol.zenoh.controller_payloads import Phase
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
 from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire, WireEntry
+from nicegui import app
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts, ticks
 from macor_hil.monitor.dashboard.failures import Failures, OnceEach
 from macor_hil.monitor.dashboard.sources import RecordingSource
-from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState, Watched
+from macor_hil.monitor.dashboard.svg import BAD, GOOD, heat
+from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.feed import Presence
+from macor_hil.telemetry.feed import Event, Presence
 
 
 def parsed(svg: str) -> ElementTree.Element:
@@ -28,10 +32,10 @@ def of_kind(svg: str, kind: str) -> list[ElementTree.Element]:
     return [each for each in parsed(svg).iter() if each.get("data-kind") == kind]
 
 
-def a_watched(**changes: float | list[Hypothesis] | str) -> Watched:
+def a_watched(**changes: Any) -> RobotState:
     watched = RobotState("khepera", Controlled(alive=True, met=True, state=a_state()))
     watched.controlled.learned = learned()
-    watched.emulated = Emulated(alive=True, outline=EXAMPLES[Outline])
+    watched.emulated = Emulated(alive=True, outline=as_type(Outline, EXAMPLES[Outline]))
     watched.emulated.place(truth(0.5, 0.1))
     watched.controlled.decide(a_decision(**changes), 1.0)
     watched.see(a_picture(), 1.0)
@@ -56,7 +60,7 @@ def test_every_drawing_is_well_formed_and_titled_whatever_is_known(name: str) ->
     for watched in (RobotState("khepera"), a_watched()):
         root = parsed(DRAWINGS[name](watched))
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
-        assert root.find("{http://www.w3.org/2000/svg}title").text
+        assert not_none(root.find("{http://www.w3.org/2000/svg}title")).text
     # at any moment of a life
     watched = RobotState("khepera")
     for event in a_life():
@@ -127,20 +131,20 @@ def test_columns_have_a_cell_for_every_neuron_and_the_brightest_is_the_present_o
     watched = a_watched()
     cells = of_kind(DRAWINGS["columns"](watched), "neuron")
     assert len(cells) == 150
-    assert cells[53].get("fill") == charts.heat(1.0)
-    assert cells[0].get("fill") == charts.heat(0.0)
+    assert cells[53].get("fill") == heat(1.0)
+    assert cells[0].get("fill") == heat(0.0)
 
 
 def test_a_collision_is_a_red_bar() -> None:
     history = [a_decision(0), a_decision(1, collided=True, reinforcement=0.0)]
     bars = of_kind(charts.reinforcement(history), "reward")
-    assert [bar.get("fill") for bar in bars] == [charts.GOOD, charts.BAD]
+    assert [bar.get("fill") for bar in bars] == [GOOD, BAD]
 
 
 def test_sensors_are_drawn_as_long_as_they_read() -> None:
     wedges = of_kind(charts.infrared([0, 12, 1023, 4, 5, 6, 7, 8]), "sensor")
     assert len(wedges) == 8
-    assert wedges[2].get("fill") == charts.BAD
+    assert wedges[2].get("fill") == BAD
 
 
 def test_text_from_elsewhere_stays_text() -> None:
@@ -177,7 +181,7 @@ def test_what_is_done_again_and_again_outlives_failures_and_counts_on_no_wall_cl
 ) -> None:
     waiting, done = [], []
     monkeypatch.setattr(
-        ticks.app, "timer", lambda seconds, turn, once: waiting.append((seconds, turn, once))
+        app, "timer", lambda seconds, turn, once: waiting.append((seconds, turn, once))
     )
 
     def fail() -> None:
@@ -218,7 +222,7 @@ def test_a_program_on_the_line_is_not_nobody() -> None:
     assert texts.status(watched, 31.0) == (driven, "green")
     assert texts.status(watched, 60.0)[0] == "robot there, nobody drives it"
     # a speed is held without another request
-    watched.emulated.place(EXAMPLES[Truth])
+    watched.emulated.place(as_type(Truth, EXAMPLES[Truth]))
     assert texts.status(watched, 60.0)[0] == driven
     watched.emulated.alive = False
     assert texts.status(watched, 60.0)[0] == "it has gone; waiting for a robot"
@@ -259,10 +263,10 @@ class Clock:
 def test_a_recording_is_scrubbed_forth_and_back() -> None:
     player = RecordingSource("khepera", a_life(3), Clock())
     player.seek(2.9)
-    assert player.watched.controlled.decision.sequence == 1
+    assert not_none(player.watched.controlled.decision).sequence == 1
     version = player.watched.version
     player.seek(1.9)
-    assert player.watched.controlled.decision.sequence == 0
+    assert not_none(player.watched.controlled.decision).sequence == 0
     assert [past.sequence for past in player.watched.controlled.history] == [0]
     assert player.watched.version != version
     player.seek(-5.0)
@@ -302,7 +306,9 @@ def test_each_page_plays_a_recording_for_itself() -> None:
     assert (second.position, second.playing) == (0.0, False)
 
 
-def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near() -> None:
+def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     events = a_life(1000)
     player = RecordingSource("khepera", events, Clock())
     player.seek(1e9)
@@ -313,10 +319,10 @@ def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near() -> None:
         assert 0 < player.watched.version - taken <= 2000
         steps += 1
     assert steps == len(events) // 2000
-    taken = []
-    player.watched.take = taken.append  # what was known near there is enough
+    again: list[Event] = []
+    monkeypatch.setattr(player.watched, "take", again.append)  # what was known near is enough
     player.seek(player.duration - 1.0)
-    assert not taken
+    assert not again
     direct = RobotState("khepera")
     for event in events:
         if event.received <= BEGIN + round((player.duration - 1.0) * SECOND):

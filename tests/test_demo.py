@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from as_type import not_none
 from drives import MACOR_HIL
 from emulator_process import PATIENCE
 from short_training import train_shortly
@@ -33,7 +34,7 @@ if "run" in sys.argv:
 """
 
 
-def stand_in(monkeypatch, folder, text, **values) -> None:
+def stand_in(monkeypatch: pytest.MonkeyPatch, folder: Path, text: str, **values) -> None:
     """Have the demo start a script instead of its emulator."""
     script = folder / "python"
     script.write_text(text.format(python=sys.executable, **values))
@@ -81,7 +82,7 @@ def test_watchers_are_led_to_other_endpoints(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 def test_the_key_ctrl_c_ends_the_robot_before_its_emulator(
-    tmp_path: Path, number, status: int
+    tmp_path: Path, number: int, status: int
 ) -> None:
     train_shortly(tmp_path / "corridor.npz", "khepera://corridor?seed=5")
     with subprocess.Popen(
@@ -91,7 +92,7 @@ def test_the_key_ctrl_c_ends_the_robot_before_its_emulator(
         text=True,
         process_group=0,
     ) as running:
-        lines = iter(running.stdout.readline, "")
+        lines = iter(not_none(running.stdout).readline, "")
         assert any(line.startswith("graded") for line in lines)
         os.killpg(running.pid, number)  # as the terminal does: to all who are in front
         said = running.communicate(timeout=PATIENCE)[1]

@@ -17,8 +17,8 @@ from khepera_protocol.zenoh.payloads import (
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
-from khepera_emulator.app.cli import app as emulator_app
-from macor_hil.cli import app as controller_app
+from khepera_emulator.app.cli.commands import app as emulator_app
+from macor_hil.cli.program import app as controller_app
 
 ROOT = Path(__file__).parent.parent
 DOCKERFILE = (ROOT / "docker" / "Dockerfile").read_text("utf-8").replace("\\\n", " ")
@@ -35,16 +35,16 @@ STAGES = dict(
 IMAGES = ("emulator", "controller", "monitors")
 
 
-def instruction(stage, name):
+def instruction(stage, name: str):
     """The last instruction of a kind in a stage."""
     return re.findall(rf"^{name} (.*)$", STAGES[stage], re.MULTILINE)[-1].strip()
 
 
-def words(text):
+def words(text: str):
     return YAML(typ="safe").load(text)
 
 
-def is_command(program, arguments):
+def is_command(program, arguments: str):
     """Return whether a program takes such arguments: unknown options are errors, not help."""
     return CliRunner().invoke(APPS[program], [*arguments, "--help"]).exit_code == 0
 
@@ -84,7 +84,7 @@ def test_an_image_has_no_rights_and_stops_by_a_signal_that_stops_the_robot(image
         ("controller", CONTROLLER_ENDPOINT, CONTROLLER_ALIVE.of("*")),
     ],
 )
-def test_health_is_asked_where_the_program_listens(image: str, endpoint, key) -> None:
+def test_health_is_asked_where_the_program_listens(image: str, endpoint: str, key) -> None:
     check = instruction(image, "HEALTHCHECK").partition("CMD ")[2]
     assert words(check) == ["python", "/opt/khepera/bin/health.py", endpoint, key]
 
@@ -98,7 +98,7 @@ def test_health_is_that_of_the_robot() -> None:
 
 
 @pytest.mark.parametrize("name", list(SERVICES))
-def test_a_service_is_of_this_version_and_has_no_rights(name) -> None:
+def test_a_service_is_of_this_version_and_has_no_rights(name: str) -> None:
     service = SERVICES[name]
     target, _, version = service["image"].removeprefix("khepera-macor/").partition(":")
     assert target in IMAGES
@@ -113,13 +113,13 @@ def test_a_service_is_of_this_version_and_has_no_rights(name) -> None:
     assert service["network_mode"] == "host"
 
 
-def defaults(text):
+def defaults(text: str):
     """A command with its variables' defaults in."""
     return re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", text)
 
 
 @pytest.mark.parametrize("name", list(SERVICES))
-def test_a_service_runs_a_command_that_there_is(name) -> None:
+def test_a_service_runs_a_command_that_there_is(name: str) -> None:
     service = SERVICES[name]
     if "entrypoint" in service:
         script = service["entrypoint"][-1]

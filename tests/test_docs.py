@@ -12,12 +12,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from as_type import not_none
 from docs_runner import ELSEWHERE, PROGRAMS, ROOT, blocks, elsewhere
 from emulator_process import PATIENCE
 from typer.testing import CliRunner
 
-from khepera_emulator.app.cli import app as emulator
-from macor_hil.cli import app as controller
+from khepera_emulator.app.cli.commands import app as emulator
+from macor_hil.cli.program import app as controller
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 APPS = {"macor-hil": controller, "khepera-emulator": emulator}
@@ -33,7 +34,7 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
 ]
 
 
-def commands(page):
+def commands(page: Path):
     return [c for block in blocks(page) if block.language == "sh" for c in block.commands()]
 
 
@@ -51,7 +52,7 @@ RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in 
 
 @pytest.mark.timeout(10 * PATIENCE)
 @pytest.mark.parametrize("page", RUNNABLE, ids=names(RUNNABLE))
-def test_the_commands_of_a_page_run(page, tmp_path: Path) -> None:
+def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     if not has_own_network():
         pytest.skip("the pages' well-known ports need a network namespace (unshare, ip)")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -109,7 +110,7 @@ def test_nothing_is_run_elsewhere_that_no_page_shows() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_commands_are_marked_as_such(page) -> None:
+def test_commands_are_marked_as_such(page: Path) -> None:
     for block in blocks(page):
         if not block.language:
             first = {line.removeprefix(".venv/bin/").partition(" ")[0] for line in block.commands()}
@@ -117,7 +118,7 @@ def test_commands_are_marked_as_such(page) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_every_block_closes(page) -> None:
+def test_every_block_closes(page: Path) -> None:
     begun = None
     for number, line in enumerate(page.read_text("utf-8").splitlines(), 1):
         if line.lstrip().startswith("```"):
@@ -128,13 +129,13 @@ def test_every_block_closes(page) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_links_lead_somewhere(page) -> None:
+def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
         assert (page.parent / target).exists(), target
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_names_of_code_are_those_of_the_code(page) -> None:
+def test_names_of_code_are_those_of_the_code(page: Path) -> None:
     fences = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
     for code in re.findall(r"`([^`]+)`", fences.sub("", page.read_text("utf-8"))):
         for name in re.findall(rf"\b(?:{'|'.join(PACKAGES)})(?:\.\w+)+", code):
@@ -145,7 +146,7 @@ def test_names_of_code_are_those_of_the_code(page) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_no_example_leaves_a_robot_driving(page) -> None:
+def test_no_example_leaves_a_robot_driving(page: Path) -> None:
     for block in blocks(page):
         speeds = re.findall(r"D,(-?\d+),(-?\d+)", block.text)
         assert not speeds or speeds[-1] == ("0", "0"), f"line {block.line}"
@@ -160,11 +161,11 @@ def test_every_page_is_in_the_index() -> None:
 def generated():
     spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    not_none(not_none(spec).loader).exec_module(module)
     return module.PAGES
 
 
 @pytest.mark.parametrize("name", sorted(generated()))
-def test_generated_pages_are_current(name) -> None:
+def test_generated_pages_are_current(name: str) -> None:
     page = generated()[name]()
     assert (ROOT / "docs" / name).read_text("utf-8") == page, "run: python docs/generate.py"

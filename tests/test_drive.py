@@ -1,10 +1,12 @@
 """No way out of a drive leaves the wheels turning: the driver's own promise."""
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import hypot, pi
+from typing import Any
 
 import pytest
+from as_type import not_none
 from khepera_protocol.serial.units import PULSE
 
 from macor_hil.commands import STRAIGHT
@@ -23,7 +25,7 @@ class Defect(Exception):
 class Drive:
     """A driver on an emulated robot whose guard fails once the wheels turn."""
 
-    def __init__(self, hardware: Hardware, failure) -> None:
+    def __init__(self, hardware: Hardware, failure: Callable[..., Any] | None) -> None:
         self.emulator = hardware.robot.port.emulator
         self._failure = failure
         self.failed = 0
@@ -71,7 +73,7 @@ WAYS = {
 @pytest.mark.parametrize("way", WAYS.values(), ids=WAYS.keys())
 @pytest.mark.parametrize(("failure", "kind"), [(defect, Defect), (impatient, KeyboardInterrupt)])
 def test_what_is_raised_in_mid_drive_finds_a_robot_that_stands(
-    hardware: Hardware, way, failure, kind: type[Defect]
+    hardware: Hardware, way: Callable[..., Any], failure: Callable[..., Any], kind: type[Defect]
 ) -> None:
     drive = Drive(hardware, None)
     drive.driver.execute(STRAIGHT)
@@ -86,10 +88,10 @@ def test_a_leg_is_driven_to_its_end_and_its_target_is_never_far_ahead(hardware: 
     drive = Drive(hardware, None)
     ahead = []
     drive.driver._guard = lambda: ahead.append(max(abs(w.error) for w in hardware.robot.status()))
-    begin = hardware.bench.truth().pose
+    begin = not_none(hardware.bench).truth().pose
     outcome = drive.driver.leg(0.4, 0.0)
     assert not outcome.collided
-    end = hardware.bench.truth().pose
+    end = not_none(hardware.bench).truth().pose
     assert hypot(end.x - begin.x, end.y - begin.y) == pytest.approx(0.4, abs=0.001)
     assert max(ahead) * PULSE <= LEASH + 0.001
     assert drive.driver.leg(0.0, 4 * pi).counters == pytest.approx(

@@ -7,14 +7,16 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TextIO
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from drives import MACOR_HIL, STATUSES, WAYS_OUT, Drive
 from emulator_process import PATIENCE, emulator, free_endpoint
+from rig import Closing
 from short_training import train_shortly
 
 from macor_hil.cli import program
@@ -27,9 +29,7 @@ ENDS = [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0)]
 DOCS = Path(__file__).parent.parent / "docs"
 
 
-def macor_hil(
-    *arguments: str, folder: Path, **options: int | object | TextIO
-) -> subprocess.CompletedProcess[str]:
+def macor_hil(*arguments: str, folder: Path, **options: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*MACOR_HIL, *arguments],
         cwd=folder,
@@ -88,16 +88,18 @@ def wait_for(path: Path) -> None:
 
 
 @pytest.fixture
-def on_a_terminal():
+def on_a_terminal() -> Iterator[Callable[..., Any]]:
     """Start a command on a terminal of its own."""
-    started = []
+    started: list[Closing] = []
     yield lambda *arguments, **popen: Drive(started, [*MACOR_HIL, *arguments], **popen)
     for drive in started:
         drive.close()
 
 
 @pytest.mark.parametrize("way", WAYS_OUT)
-def test_a_prompt_ends_as_everything_does(on_a_terminal, tmp_path: Path, way: str) -> None:
+def test_a_prompt_ends_as_everything_does(
+    on_a_terminal: Callable[..., Any], tmp_path: Path, way: str
+) -> None:
     with emulator("--no-zenoh") as robot:
         command = ("calibrate", "--port", robot.path, "--profile", str(tmp_path / "p"))
         asked = on_a_terminal(*command)
@@ -108,7 +110,7 @@ def test_a_prompt_ends_as_everything_does(on_a_terminal, tmp_path: Path, way: st
     assert way == "terminal closed" or b"no move was measured" in asked.said
 
 
-def test_the_key_ctrl_c_at_a_prompt(on_a_terminal, tmp_path: Path) -> None:
+def test_the_key_ctrl_c_at_a_prompt(on_a_terminal: Callable[..., Any], tmp_path: Path) -> None:
     with emulator("--no-zenoh") as robot:
         asked = on_a_terminal("calibrate", "--port", robot.path, "--profile", str(tmp_path / "p"))
         asked.wait_for(b"stands there: ")
@@ -117,7 +119,9 @@ def test_the_key_ctrl_c_at_a_prompt(on_a_terminal, tmp_path: Path) -> None:
     assert b"Traceback" not in asked.said
 
 
-def test_what_hands_have_measured_is_kept(on_a_terminal, tmp_path: Path) -> None:
+def test_what_hands_have_measured_is_kept(
+    on_a_terminal: Callable[..., Any], tmp_path: Path
+) -> None:
     command = ("calibrate", "--profile", str(tmp_path / "p"), "--side", "0.05", "--runs", "1")
     with emulator("--no-zenoh", "--speed", "20", "--baud", "unpaced", "--drift", "none") as robot:
         asked = on_a_terminal(*command, "--port", robot.path)

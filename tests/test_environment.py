@@ -3,7 +3,9 @@
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import gymnasium
@@ -12,6 +14,7 @@ import pytest
 from emulator_process import PATIENCE
 from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers.common import TimeLimit
 from rig import rig
 
 from macor_hil.commands import COMMANDS, MotorCommand
@@ -24,26 +27,28 @@ EXAMPLE = Path(__file__).parent.parent / "examples" / "gymnasium_learner.py"
 LEFT, RIGHT, STRAIGHT = range(3)
 
 
-def make(name=IDS[0], **settings):
+def make(name: str = IDS[0], **settings: Any) -> TimeLimit:
     return gymnasium.make(name, **settings)
 
 
 @pytest.fixture
-def env():
+def env() -> Iterator[TimeLimit]:
     with make() as made:
         yield made
 
 
 @pytest.mark.parametrize("observation", list(Observation))
 @pytest.mark.parametrize("name", IDS)
-def test_gymnasiums_checker_has_nothing_to_say(name: str, observation) -> None:
+def test_gymnasiums_checker_has_nothing_to_say(name: str, observation: Observation) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with make(name, observation=observation) as env:
             check_env(env.unwrapped)
 
 
-def rollout(name, seed, steps=6):
+def rollout(
+    name: str, seed: int, steps: int = 6
+) -> list[list[float] | tuple[list[float], float, bool, dict[str, Any]]]:
     with make(name) as env:
         env.action_space.seed(seed)
         seen, _ = env.reset(seed=seed)
@@ -63,13 +68,13 @@ def test_the_seed_decides_everything(name: str) -> None:
     assert rollout(name, 4) != rollout(name, 5)
 
 
-def test_episodes_differ_until_the_seed_is_given_again(env) -> None:
+def test_episodes_differ_until_the_seed_is_given_again(env: TimeLimit) -> None:
     first = env.reset(seed=1)[1]["pose"]
     assert env.reset()[1]["pose"] != first
     assert env.reset(seed=1)[1]["pose"] == first
 
 
-def test_a_pose_can_be_asked_for(env) -> None:
+def test_a_pose_can_be_asked_for(env: TimeLimit) -> None:
     _, info = env.reset(seed=1, options={"pose": (0.3, 0.0, 1.0)})
     assert info["pose"] == pytest.approx((0.3, 0.0, 1.0))
 
@@ -93,7 +98,9 @@ def test_a_pose_can_be_asked_for(env) -> None:
         ({"pose": (0.3, 0.6, 0.0)}, "x=0.300 m, y=0.600 m is outside the walls of the arena"),
     ],
 )
-def test_wrong_options_are_refused_and_change_nothing(env, options, message: str) -> None:
+def test_wrong_options_are_refused_and_change_nothing(
+    env: TimeLimit, options: dict[str, int | tuple[float, float, float]], message: str
+) -> None:
     if options == {"pose": (1e308, 0.0, 0.0)}:
         message = "x=|is not x, y and heading"  # by whoever sees it first
     env.reset(seed=1, options={"pose": (0.3, 0.0, 1.0)})
@@ -104,7 +111,7 @@ def test_wrong_options_are_refused_and_change_nothing(env, options, message: str
     assert env.unwrapped._hardware.bench.truth() == before
 
 
-def test_no_options_are_as_good_as_none(env) -> None:
+def test_no_options_are_as_good_as_none(env: TimeLimit) -> None:
     for options in (None, {}, {"pose": None}):
         env.reset(seed=1, options=options)
     _, info = env.reset(seed=1, options={"pose": np.array([0.3, 0.0, 1.0], np.float32)})
@@ -114,7 +121,9 @@ def test_no_options_are_as_good_as_none(env) -> None:
 @pytest.mark.parametrize(
     "action", [-1, 3, 1.0, np.nan, None, "0", [0], np.array([1]), np.array(1.0), 10**30]
 )
-def test_a_command_that_is_none_is_refused(env, action) -> None:
+def test_a_command_that_is_none_is_refused(
+    env: TimeLimit, action: float | list[int] | str | None
+) -> None:
     env.reset(seed=1)
     before = env.unwrapped._hardware.bench.truth()
     with pytest.raises(InvalidAction, match=r"the action .* is none of 0 \(left\)"):
@@ -145,7 +154,7 @@ def test_a_command_that_is_none_is_refused(env, action) -> None:
         "stop\x1b[2J",
     ],
 )
-def test_wheel_speeds_outside_the_space_are_refused(action) -> None:
+def test_wheel_speeds_outside_the_space_are_refused(action: float | list[Any] | str | None) -> None:
     with make(IDS[1]) as env:
         env.reset(seed=1)
         before = env.unwrapped._hardware.bench.truth()
@@ -156,7 +165,7 @@ def test_wheel_speeds_outside_the_space_are_refused(action) -> None:
 
 
 @pytest.mark.parametrize("kind", [list, tuple, np.float64, np.float32, np.float16])
-def test_wheel_speeds_of_any_real_type_are_driven(kind) -> None:
+def test_wheel_speeds_of_any_real_type_are_driven(kind: Any) -> None:
     speeds = [0.12, -0.08]
     action = kind(speeds) if kind in (list, tuple) else np.array(speeds, kind)
     with make(IDS[1]) as env, warnings.catch_warnings():
@@ -176,7 +185,7 @@ def test_starts_near_the_arenas_own_are_near_each_other() -> None:
     assert np.hypot(*spread[:2]) < 0.05
 
 
-def test_commands_turn_and_earn_as_in_the_paper(env) -> None:
+def test_commands_turn_and_earn_as_in_the_paper(env: TimeLimit) -> None:
     for command, turn, earned in ((LEFT, 12, 0.54), (RIGHT, -12, 0.54), (STRAIGHT, 0, 0.62)):
         _, before = env.reset(seed=1, options={"pose": (0.3, 0.0, 0.0)})
         _, reward, terminated, truncated, info = env.step(command)
@@ -186,7 +195,7 @@ def test_commands_turn_and_earn_as_in_the_paper(env) -> None:
         assert not truncated
 
 
-def test_a_collision_ends_the_episode_and_earns_nothing(env) -> None:
+def test_a_collision_ends_the_episode_and_earns_nothing(env: TimeLimit) -> None:
     env.reset(seed=1, options={"pose": (0.3, 0.0, np.pi / 2)})
     earned = []
     for _ in range(10):
@@ -266,7 +275,7 @@ def test_the_robot_stands_when_the_environment_is_closed() -> None:
     emulator = env.unwrapped._hardware.robot.port.emulator
     at_the_end = []
 
-    def close(switch_off=emulator.close) -> None:
+    def close(switch_off: Callable[..., Any] = emulator.close) -> None:
         emulator.advance(emulator.now + 1.0)
         at_the_end.append(max(map(abs, emulator.truth().speed)))
         switch_off()

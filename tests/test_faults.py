@@ -15,13 +15,13 @@ TEXT = b"N,1,2,3\r\n"
 BOTH = (Direction.REQUEST, Direction.REPLY)
 
 
-def faults(*specs, seed=1):
+def faults(*specs, seed: int = 1):
     told = []
     made = Faults(map(parse_fault, specs), seed, lambda happening: told.append(str(happening)))
     return made, told
 
 
-def through(made, data=TEXT, direction=Direction.REPLY, start=0.0):
+def through(made, data: bytes = TEXT, direction=Direction.REPLY, start=0.0):
     items = [(start + EACH * count, byte) for count, byte in enumerate(data, 1)]
     passed, late = made.on_bytes(direction, items, EACH)
     return bytes(byte for _, byte in passed), [when for when, _ in passed], late

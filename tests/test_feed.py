@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
+from as_type import not_none
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
 from khepera_protocol.zenoh.payload_model import MOST_JSON
 from khepera_protocol.zenoh.payloads import Stamp
@@ -16,7 +17,7 @@ from watching_helpers import a_life
 
 from macor_hil.monitor.follower import Follower
 from macor_hil.monitor.robot_state import RobotState
-from macor_hil.telemetry.feed import Arrival, Feed, Loss, NotTaken, Presence, Refusal
+from macor_hil.telemetry.feed import Arrival, Event, Feed, Loss, NotTaken, Presence, Refusal
 from macor_hil.telemetry.inbox import Inbox
 from macor_hil.telemetry.recordings.player import play
 from macor_hil.telemetry.recordings.playing_times import in_playing_time
@@ -90,7 +91,7 @@ def test_tokens_of_many_robots_are_nobody() -> None:
         ({"payload": TEXT, "encoding": "x" * 240}, "its encoding has no end"),
     ],
 )
-def test_samples_out_of_bounds_are_refused_with_a_reason(sample, reason: str) -> None:
+def test_samples_out_of_bounds_are_refused_with_a_reason(sample: zenoh.Sample, reason: str) -> None:
     with followed() as (feed, other):
         other.put(STATE, **sample)
         (refusal,) = until_state(feed, other)
@@ -140,10 +141,10 @@ def test_a_watcher_keeps_no_descriptor_of_controllers_that_have_gone() -> None:
             with subprocess.Popen(command, stdin=subprocess.PIPE, text=True) as controller:
                 watcher.watched.frame = b""
                 while not watcher.watched.frame:  # more than what Zenoh would share memory for
-                    controller.stdin.write("frame\n")
-                    controller.stdin.flush()
+                    not_none(controller.stdin).write("frame\n")
+                    not_none(controller.stdin).flush()
                     watcher.follow(0.1)
-                controller.stdin.close()
+                not_none(controller.stdin).close()
             watcher.follow(PATIENCE, until=lambda: not watcher.watched.controlled.alive)
             open_files.append(len(list(Path("/proc/self/fd").iterdir())))
     assert len(watcher.watched.frame) > 3072
@@ -151,7 +152,7 @@ def test_a_watcher_keeps_no_descriptor_of_controllers_that_have_gone() -> None:
 
 
 def test_a_sender_faster_than_who_takes_loses_the_oldest_and_that_is_told() -> None:
-    inbox = Inbox(items=10, size=1000)
+    inbox: Inbox[int | str] = Inbox(items=10, size=1000)
     for number in range(25):
         inbox.put(number, 10)
     assert inbox.take_losses() == 15
@@ -163,7 +164,7 @@ def test_a_sender_faster_than_who_takes_loses_the_oldest_and_that_is_told() -> N
 
 
 def test_samples_do_not_crowd_out_notices_and_all_keep_their_order() -> None:
-    inbox = Inbox(items=3)
+    inbox: Inbox[int | str] = Inbox(items=3)
     inbox.notify("comes")
     for number in range(5):
         inbox.put(number, 1)
@@ -173,7 +174,7 @@ def test_samples_do_not_crowd_out_notices_and_all_keep_their_order() -> None:
 
 
 def test_notices_have_a_bound_too() -> None:
-    inbox = Inbox()
+    inbox: Inbox[int] = Inbox()
     for number in range(5000):
         inbox.notify(number)
     assert inbox.get(0.0) == 4000
@@ -238,7 +239,8 @@ def shifted(events, first, hours):
 def test_a_recording_made_while_the_clock_was_set_plays(hours: int) -> None:
     events = a_life(2)
     odd = [*events[:6], *shifted(events[6:], 0, hours)]
-    slept, shown = [], []
+    slept: list[float] = []
+    shown: list[Event] = []
 
     class Player:
         def publish(self, event) -> None:

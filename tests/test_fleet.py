@@ -1,6 +1,8 @@
 """Robots that share a world: they see, block and push each other, each on a line of its own."""
 
+from collections.abc import Callable, Iterator
 from math import cos, degrees, hypot, pi, sin
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,21 +20,16 @@ DIAMETER = 0.055
 FACING = [{"x": 0.2, "y": 0.0, "heading": 180.0}]
 
 
-def setup(
-    *starts: dict[str, float],
-    seed: int = 0,
-    drift: str = "none",
-    **parts: dict[str, object] | list[dict[str, object]],
-) -> Setup:
+def setup(*starts: dict[str, float], seed: int = 0, drift: str = "none", **parts: Any) -> Setup:
     made = arena(starts=list(starts), wall=[{"points": SQUARE}], **parts)
     return Setup(arena=made, seed=seed, drift=PRESETS[drift], baud=None)
 
 
 @pytest.fixture
-def fleet():
+def fleet() -> Iterator[Callable[..., list[Emulator]]]:
     opened = []
 
-    def make(size: int, *starts: dict[str, float], **options: object) -> list[Emulator]:
+    def make(size: int, *starts: dict[str, float], **options: Any) -> list[Emulator]:
         opened.append(make_fleet(setup(*starts, **options), size))
         return opened[-1]
 
@@ -57,12 +54,12 @@ def places(robots: list[Emulator]) -> list[tuple[float, float]]:
 
 
 class TestStarts:
-    def test_the_arena_may_name_them(self, fleet) -> None:
+    def test_the_arena_may_name_them(self, fleet: Callable[..., list[Emulator]]) -> None:
         robots = fleet(2, {"x": 0.1, "y": 0.2, "heading": 90.0})
         assert places(robots) == [(0.0, 0.0), (0.1, 0.2)]
         assert robots[1].truth().pose.heading == pytest.approx(pi / 2)
 
-    def test_others_spread_along_the_free_strip(self, fleet) -> None:
+    def test_others_spread_along_the_free_strip(self, fleet: Callable[..., list[Emulator]]) -> None:
         strip = {"points": [[-0.4, 0], [0.4, 0]], "half_width": 0.4, "gap": 0.03}
         robots = fleet(6, free=strip)
         at = places(robots)
@@ -113,13 +110,13 @@ def test_no_meeting_is_missed_by_looking_only_when_something_can_be_near() -> No
 
 
 class TestLines:
-    def test_each_robot_has_its_own(self, fleet) -> None:
+    def test_each_robot_has_its_own(self, fleet: Callable[..., list[Emulator]]) -> None:
         first, second = fleet(2, *FACING)
         assert ask(first, b"G,5,6") == b"g\r\n"
         assert ask(second, b"H") == b"h,0,0\r\n"
         assert ask(first, b"H") == b"h,5,6\r\n"
 
-    def test_time_passes_for_both(self, fleet) -> None:
+    def test_time_passes_for_both(self, fleet: Callable[..., list[Emulator]]) -> None:
         first, second = fleet(2, *FACING)
         ask(second, b"D,5,-5")
         first.advance(1.0)
@@ -159,7 +156,7 @@ class TestLines:
 
 
 class TestContact:
-    def test_robots_block_each_other(self, fleet) -> None:
+    def test_robots_block_each_other(self, fleet: Callable[..., list[Emulator]]) -> None:
         first, second = robots = fleet(2, *FACING)
         for robot in robots:
             ask(robot, b"D,10,10")
@@ -170,7 +167,9 @@ class TestContact:
         assert first.truth().contact
         assert second.truth().contact
 
-    def test_one_that_stands_holds_its_place_against_one_and_not_against_two(self, fleet) -> None:
+    def test_one_that_stands_holds_its_place_against_one_and_not_against_two(
+        self, fleet: Callable[..., list[Emulator]]
+    ) -> None:
         ways = []
         for size in (2, 3):
             ahead, behind = ({"x": x, "y": 0.0, "heading": 0.0} for x in (0.06, -0.06))
@@ -185,7 +184,7 @@ class TestContact:
         assert 0.0 < ways[0] < 0.05
         assert ways[1] > ways[0] + 0.05
 
-    def test_one_that_passes_by_does_not_touch(self, fleet) -> None:
+    def test_one_that_passes_by_does_not_touch(self, fleet: Callable[..., list[Emulator]]) -> None:
         first, second = fleet(2, {"x": 0.2, "y": DIAMETER + 0.004, "heading": 180.0})
         alone = Emulator(setup())
         for robot in (first, second, alone):
@@ -196,7 +195,9 @@ class TestContact:
         assert first.truth().pose.x == pytest.approx(after(alone, 2.0).pose.x, abs=0.001)
         alone.close()
 
-    def test_away_from_the_others_a_robot_is_as_alone(self, fleet) -> None:
+    def test_away_from_the_others_a_robot_is_as_alone(
+        self, fleet: Callable[..., list[Emulator]]
+    ) -> None:
         first, _ = fleet(2, {"x": 0.3, "y": 0.3, "heading": 0.0}, drift="default")
         alone = Emulator(setup(drift="default"))
         for robot in (first, alone):
@@ -206,7 +207,7 @@ class TestContact:
         assert ask(first, b"H") == ask(alone, b"H")
         alone.close()
 
-    def test_it_is_so_while_others_collide(self, fleet) -> None:
+    def test_it_is_so_while_others_collide(self, fleet: Callable[..., list[Emulator]]) -> None:
         first, second, third = fleet(
             3, {"x": 0.3, "y": 0.3, "heading": 0.0}, {"x": 0.4, "y": 0.3, "heading": 180.0}
         )
@@ -221,7 +222,9 @@ class TestContact:
         assert pose == alone.truth().pose
         alone.close()
 
-    def test_nothing_bumps_into_where_a_robot_was(self, fleet) -> None:
+    def test_nothing_bumps_into_where_a_robot_was(
+        self, fleet: Callable[..., list[Emulator]]
+    ) -> None:
         box = {"shape": "box", "centre": [-0.08, 0.0], "size": [0.03, 0.03]}
         first, second = fleet(2, {"x": -0.15, "y": 0.0, "heading": 0.0}, object=[box])
         ask(first, b"D,15,15")
@@ -247,7 +250,7 @@ class TestSight:
         assert readings[0] == readings[1]
         assert max(readings[2][2:4]) > max(readings[0][2:4]) > 50
 
-    def test_it_sees_it_where_it_is_now(self, fleet) -> None:
+    def test_it_sees_it_where_it_is_now(self, fleet: Callable[..., list[Emulator]]) -> None:
         first, second = fleet(2, {"x": 0.075, "y": 0.0, "heading": 0.0})
         assert max(map(int, ask(first, b"N").split(b",")[3:5])) > 100
         ask(second, b"D,10,10")
@@ -275,7 +278,9 @@ class TestSight:
         # the first is behind the second, at both ends of its panorama
         assert behind[21, 0].max() < 90 < behind[21, 60].max()
 
-    def test_a_camera_sees_a_robot_that_has_moved(self, fleet) -> None:
+    def test_a_camera_sees_a_robot_that_has_moved(
+        self, fleet: Callable[..., list[Emulator]]
+    ) -> None:
         first, second = fleet(2, {"x": 0.15, "y": 0.0, "heading": 90.0})
         before = first.panorama().astype(int)
         ask(second, b"D,10,10")
@@ -288,7 +293,7 @@ class TestSight:
 
 
 class TestReset:
-    def test_without_a_seed_concerns_one_robot(self, fleet) -> None:
+    def test_without_a_seed_concerns_one_robot(self, fleet: Callable[..., list[Emulator]]) -> None:
         first, second = fleet(2, {"x": 0.3, "y": 0.0})
         for robot in (first, second):
             ask(robot, b"D,5,-5")
@@ -300,7 +305,9 @@ class TestReset:
         assert ask(second, b"K").startswith(b"k,0,1,")
         assert ask(first, b"H") == b"h,0,0\r\n"
 
-    def test_a_place_that_another_has_taken_is_refused(self, fleet) -> None:
+    def test_a_place_that_another_has_taken_is_refused(
+        self, fleet: Callable[..., list[Emulator]]
+    ) -> None:
         first, second = fleet(2, {"x": 0.3, "y": 0.0})
         with pytest.raises(EmulatorError, match="no room"):
             first.reset(Reset(pose=Pose(x=0.26, y=0.01, heading=0.0)))
@@ -310,7 +317,7 @@ class TestReset:
         # where the first stands is no place for the second, its own is
         assert second.reset(Reset(pose=Pose(x=0.31, y=0.0, heading=0.0))).pose.x == 0.31
 
-    def test_with_a_seed_concerns_all(self, fleet) -> None:
+    def test_with_a_seed_concerns_all(self, fleet: Callable[..., list[Emulator]]) -> None:
         def run(robots: list[Emulator]) -> list[bytes | Pose]:
             seen = []
             begin = robots[0].now
@@ -333,7 +340,7 @@ class TestReset:
         assert used[0].reset(Reset(seed=8)).drift == fresh[0].truth().drift
         assert run(used) != expected
 
-    def test_random_places_keep_off_the_others(self, fleet) -> None:
+    def test_random_places_keep_off_the_others(self, fleet: Callable[..., list[Emulator]]) -> None:
         first, second = fleet(
             2, {"x": 0.1, "y": 0.0}, free={"points": [[-0.2, 0], [0.2, 0]], "half_width": 0.1}
         )

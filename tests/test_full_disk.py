@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import serial
+from as_type import not_none
 from emulator_process import COMMAND, PATIENCE
 
 from khepera_emulator.errors import EmulatorError
@@ -95,7 +96,7 @@ def test_a_robot_outlives_the_room_for_its_wire_log(tmp_path: Path) -> None:
         text=True,
         preexec_fn=little_room,
     ) as running:
-        path = running.stdout.readline().rstrip("\n").partition(" on ")[2]
+        path = not_none(running.stdout).readline().rstrip("\n").partition(" on ")[2]
         with serial.Serial(path, timeout=PATIENCE) as port:
             for _ in range(50):
                 port.write(b"B\n")

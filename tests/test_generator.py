@@ -6,17 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from as_type import not_none
 from hypothesis import given
 from hypothesis import strategies as st
 from khepera_protocol.text import parse_toml, printable
 from khepera_protocol.zenoh.payloads import Pose
 
-from khepera_emulator.app.cli import app
+from khepera_emulator.app.cli.commands import app
 from khepera_emulator.arenas.arena import Arena, arena_names, load_arena
 from khepera_emulator.arenas.arena_text import arena_text
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.routes.generator import COMMANDS, generate
+from khepera_emulator.routes.generator import COMMANDS, Generated, generate
 from khepera_emulator.routes.layout import Difficulty, Kind, Post, Stretch, draw_layout
 from khepera_emulator.routes.oracle import MARGIN, PAPER_COMMANDS, Oracle
 from khepera_emulator.routes.passages import Passage, faces, walls
@@ -41,7 +42,7 @@ def read(text: str) -> Arena:
 
 
 @pytest.fixture(scope="module")
-def made() -> dict[int, object]:
+def made() -> dict[int, Generated]:
     return {seed: generate(seed) for seed in SEEDS}
 
 
@@ -57,7 +58,7 @@ def test_the_same_seed_makes_the_same_text(request: pytest.FixtureRequest) -> No
     assert text == GOLDEN.read_text()
 
 
-def test_the_kind_and_the_difficulty_change_from_seed_to_seed(made: dict[int, object]) -> None:
+def test_the_kind_and_the_difficulty_change_from_seed_to_seed(made: dict[int, Generated]) -> None:
     titles = [made[seed].arena.title for seed in SEEDS]
     assert titles == [
         "Generated from seed 0: bends, easy",
@@ -68,13 +69,13 @@ def test_the_kind_and_the_difficulty_change_from_seed_to_seed(made: dict[int, ob
     ]
 
 
-def test_their_text_is_the_arena(made: dict[int, object]) -> None:
+def test_their_text_is_the_arena(made: dict[int, Generated]) -> None:
     for arena, text in made.values():
         assert read(text) == arena
 
 
 def test_the_command_in_its_head_makes_it(
-    made: dict[int, object], capsys: pytest.CaptureFixture[str]
+    made: dict[int, Generated], capsys: pytest.CaptureFixture[str]
 ) -> None:
     for number in (3, 12):
         program, verb, *arguments = shlex.split(made[number].text.splitlines()[0].strip("# "))
@@ -82,7 +83,7 @@ def test_the_command_in_its_head_makes_it(
         assert run(capsys, *arguments) == made[number].text
 
 
-def test_a_way_is_possible_from_the_start_and_near_it(made: dict[int, object]) -> None:
+def test_a_way_is_possible_from_the_start_and_near_it(made: dict[int, Generated]) -> None:
     rng = np.random.default_rng(0)
     for arena, _ in made.values():
         oracle, start = Oracle(outline(arena, KHEPERA), margin=2 * MARGIN), pose_of(arena.start)
@@ -90,7 +91,7 @@ def test_a_way_is_possible_from_the_start_and_near_it(made: dict[int, object]) -
             assert oracle.longest_drive(place, COMMANDS).length == COMMANDS
 
 
-def test_straight_on_the_robot_collides_when_the_head_says_so(made: dict[int, object]) -> None:
+def test_straight_on_the_robot_collides_when_the_head_says_so(made: dict[int, Generated]) -> None:
     for arena, text in made.values():
         straight = Oracle(outline(arena, KHEPERA), (PAPER_COMMANDS[-1],))
         length = straight.longest_drive(pose_of(arena.start), COMMANDS).length
@@ -98,7 +99,7 @@ def test_straight_on_the_robot_collides_when_the_head_says_so(made: dict[int, ob
         assert 5 <= length <= 26
 
 
-def test_robots_find_room_in_all_of_the_free_strip(made: dict[int, object]) -> None:
+def test_robots_find_room_in_all_of_the_free_strip(made: dict[int, Generated]) -> None:
     for arena, _ in made.values():
         plan = FloorPlan(arena)
 
@@ -117,7 +118,7 @@ def test_robots_find_room_in_all_of_the_free_strip(made: dict[int, object]) -> N
         assert max(x1 - x0, y1 - y0) < 3.0
 
 
-def test_corridors_are_as_wide_as_the_head_says(made: dict[int, object]) -> None:
+def test_corridors_are_as_wide_as_the_head_says(made: dict[int, Generated]) -> None:
     for number in (0, 6, 12):
         arena, text = made[number]
         rows = [line.split() for line in text.splitlines() if line.count(" cm") == 2]
@@ -129,11 +130,13 @@ def test_corridors_are_as_wide_as_the_head_says(made: dict[int, object]) -> None
             assert middle == pytest.approx(width / 2, abs=1e-9)
 
 
-def test_a_robot_drives_its_way(made: dict[int, object], tmp_path: Path) -> None:
+def test_a_robot_drives_its_way(made: dict[int, Generated], tmp_path: Path) -> None:
     path = tmp_path / "made.toml"
     path.write_text(made[12].text)
     with open_hardware(f"khepera://{path}?drift=none") as hardware:
-        found = Oracle(hardware.bench.outline()).longest_drive(hardware.bench.truth().pose, 40)
+        found = Oracle(not_none(hardware.bench).outline()).longest_drive(
+            not_none(hardware.bench).truth().pose, 40
+        )
         driver = Driver(hardware.robot)
         driver.start()
         assert not any(driver.execute(MOTOR_COMMANDS[c]).collided for c in found.commands)
@@ -232,7 +235,7 @@ def test_a_hundred_colours_differ() -> None:
 
 
 def test_the_command_line_makes_varies_and_draws(
-    made: dict[int, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    made: dict[int, Generated], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, drawing = tmp_path / "made.toml", tmp_path / "made.png"
     assert run(capsys, "--generate", "3", "--out", str(out), "--draw", str(drawing)) == ""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from math import cos, inf, pi, sin
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -14,7 +15,7 @@ from khepera_emulator.world.world import SOLID_GROUP, World
 HEIGHT = 0.02
 
 
-def arena(**parts: list[dict[str, object]]) -> Arena:
+def arena(**parts: Any) -> Arena:
     return Arena.model_validate(
         {
             "version": 1,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import inf, radians
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ FALL_OFF = {
 }  # fmt: skip
 
 
-def ring(model: Model, seed: int = 0, **parts: list[dict[str, object]]) -> Infrared:
+def ring(model: Model, seed: int = 0, **parts: Any) -> Infrared:
     arena = Arena.model_validate(
         {
             "version": 1,

@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
+import zenoh
+from as_type import not_none
 from controller_helpers import a_decision, ask, ask_until, free_endpoint, publishing, watching
 from emulator_process import emulator
 from khepera_protocol.zenoh.controller_payloads import Alternative
@@ -12,7 +14,7 @@ from khepera_protocol.zenoh.payloads import CameraQuery, Outline, Stamp
 from khepera_protocol.zenoh.schema import schema_of
 from typer.testing import CliRunner
 
-from macor_hil.cli import app
+from macor_hil.cli.program import app
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.keys_page import keys_page
 
@@ -75,17 +77,20 @@ def test_the_emulator_describes_and_answers_every_json_key() -> None:
             # what has effects wants to be told so
             payload = "{}" if key.acts else None
             sample = ask(session, key.pattern.replace("<robot>", "khepera"), payload).ok
-            key.payload.model_validate_json(sample.payload.to_bytes())
-            assert (str(sample.encoding),) == key.encodings
-            assert sample.timestamp is not None
-            assert Stamp.model_validate_json(sample.attachment.to_bytes()).sequence == 0
+            not_none(key.payload).model_validate_json(not_none(sample).payload.to_bytes())
+            assert (str(not_none(sample).encoding),) == key.encodings
+            assert not_none(sample).timestamp is not None
+            assert (
+                Stamp.model_validate_json(not_none(not_none(sample).attachment).to_bytes()).sequence
+                == 0
+            )
 
 
-def described(session, key: Key) -> None:
+def described(session: zenoh.Session, key: Key) -> None:
     name = key.pattern.replace("<robot>", "khepera")
     reply = ask(session, f"{name}?describe").ok
-    assert str(reply.encoding) == SCHEMA_MEDIA_TYPE
-    assert json.loads(reply.payload.to_string()) == schema_of(key.payload)
+    assert str(not_none(reply).encoding) == SCHEMA_MEDIA_TYPE
+    assert json.loads(not_none(reply).payload.to_string()) == schema_of(key.payload)
 
 
 def test_the_encodings_of_the_table_are_those_of_the_samples() -> None:

@@ -3,12 +3,14 @@
 import hashlib
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import serial
+from in_process import open_robot
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 import khepera_emulator  # noqa: F401 - registers the URL scheme
@@ -18,8 +20,8 @@ from khepera_emulator.ports.protocol_khepera import Serial
 BYTE = 11 / 9600
 
 
-def open_port(url: str = "khepera://corridor?seed=1", **options: int) -> serial.SerialBase:
-    return serial.serial_for_url(url, **{"timeout": 1.0, **options})
+def open_port(url: str = "khepera://corridor?seed=1", **options: Any) -> Serial:
+    return open_robot(url, **{"timeout": 1.0, **options})
 
 
 @pytest.fixture
@@ -168,7 +170,7 @@ READERS = {
 
 
 @pytest.mark.parametrize("read", READERS.values(), ids=READERS)
-def test_every_way_of_reading_takes_the_same_time(port: Serial, read) -> None:
+def test_every_way_of_reading_takes_the_same_time(port: Serial, read: Callable[..., Any]) -> None:
     port.write(b"B\n")
     assert read(port) == b"b,5.01,5.00\r\n"
     assert port.now == pytest.approx(15 * BYTE + 0.0015, abs=1e-7)

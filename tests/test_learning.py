@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from as_type import as_type
+from as_type import as_type, not_none
 from khepera_protocol.zenoh.controller_payloads import Odometry
 from khepera_protocol.zenoh.keys import CONTROLLER
 from khepera_protocol.zenoh.payloads import Pose, Stamp
@@ -15,7 +15,7 @@ from planning import square
 from typer.testing import CliRunner
 from watching_helpers import BEGIN, SECOND, a_life
 
-from macor_hil.cli import app
+from macor_hil.cli.program import app
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import CameraError, RecordingError
 from macor_hil.hardware.cameras.camera import Frame
@@ -26,6 +26,7 @@ from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.memories.graded import GradedMemory
+from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.runs.agent import NO_PLAN, Agent, Step
 from macor_hil.runs.decision_samples import decision_of
 from macor_hil.runs.recorded_drives import learn
@@ -83,7 +84,10 @@ def test_every_command_is_learned_with_what_it_earned(
     events, steps = drive
     brain = build_brain()
     assert learn(brain, [events], np.random.default_rng(0)) == len(steps)
-    z, w_r = (square(brain.memories["transitions"], what) for what in ("z", "w_r"))
+    z, w_r = (
+        square(as_type(SensorimotorMap, brain.memories["transitions"]), what)
+        for what in ("z", "w_r")
+    )
     assert z.sum() == len(steps)
     present, _ = np.nonzero(z)
     by_command = z.sum(axis=1).reshape(-1, len(COMMANDS)).sum(axis=0)
@@ -105,7 +109,9 @@ def test_a_frame_that_did_not_arrive_breaks_the_chain_and_nothing_else(
     brain = build_brain()
     # without the frame between the third and the fourth command, both cannot be learned
     assert learn(brain, [events[:5] + events[6:]], np.random.default_rng(0)) == len(steps) - 2
-    assert square(brain.memories["transitions"], "z").sum() == len(steps) - 2
+    assert (
+        square(as_type(SensorimotorMap, brain.memories["transitions"]), "z").sum() == len(steps) - 2
+    )
 
 
 def learned_from(*recordings: list[Arrival | Presence]) -> tuple[int, bytes, bytes]:
@@ -114,7 +120,7 @@ def learned_from(*recordings: list[Arrival | Presence]) -> tuple[int, bytes, byt
     return (
         driven,
         as_type(FuzzyArt, brain.clusterer).weights.tobytes(),
-        square(brain.memories["transitions"], "z").tobytes(),
+        square(as_type(SensorimotorMap, brain.memories["transitions"]), "z").tobytes(),
     )
 
 
@@ -153,7 +159,7 @@ def at(event: Arrival, later: float) -> Arrival:
     if event.leaf == "decision":
         decision = json.loads(data)
         data = json.dumps({**decision, "frame_time": decision["frame_time"] + later}).encode()
-    stamp = event.stamp.model_copy(update={"time": event.stamp.time + later})
+    stamp = not_none(event.stamp).model_copy(update={"time": not_none(event.stamp).time + later})
     return replace(event, data=data, stamp=stamp)
 
 

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 import serial
+from as_type import not_none
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
+from in_process import open_robot
 from khepera_protocol.zenoh.payloads import Truth
 from test_side_channel import session, truth_of, wait_for
 
@@ -26,7 +28,10 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, st
     folder, endpoint = tmp_path_factory.mktemp("robots"), free_endpoint()
     options = ("--arena", "open-box", "--robots", "3", "--robot", "kheep", "--drift", "none")
     with emulator(*options, "--link", str(folder / "line"), "--listen", endpoint) as started:
-        lines = [started.announcement, *(started.process.stdout.readline() for _ in range(2))]
+        lines = [
+            started.announcement,
+            *(not_none(started.process.stdout).readline() for _ in range(2)),
+        ]
         yield folder, endpoint, [line.rstrip("\n") for line in lines]
 
 
@@ -75,12 +80,12 @@ def test_each_has_a_camera_and_a_reset(running: tuple[Path, str, list[str]]) -> 
     with session(connect=[endpoint]) as peer:
         wait_for(peer, "khepera/kheep-2/alive")
         (picture,) = peer.get("khepera/kheep-2/camera", timeout=PATIENCE)
-        assert picture.ok.payload.to_bytes().startswith(b"\x89PNG")
+        assert not_none(picture.ok).payload.to_bytes().startswith(b"\x89PNG")
         place = '{"pose": {"x": 0.4, "y": 0.4, "heading": 0}}'
         (reply,) = peer.get("khepera/kheep-2/reset", payload=place, timeout=PATIENCE)
         assert truth_of(reply.ok).pose.x == 0.4
         (reply,) = peer.get("khepera/kheep-1/reset", payload=place, timeout=PATIENCE)
-        assert "no room for the robot" in reply.err.payload.to_string()
+        assert "no room for the robot" in not_none(reply.err).payload.to_string()
 
 
 @pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
@@ -89,12 +94,10 @@ def test_each_has_a_port_and_a_log_of_its_own(tmp_path: Path, scheme: str) -> No
     option = {"socket": "--tcp", "rfc2217": "--rfc2217"}[scheme]
     options = ("--arena", "open-box", "--robots", "2", "--seed", "3", option, "127.0.0.1:0")
     with emulator("--no-zenoh", *options, "--record", str(tmp_path / "wire.jsonl")) as started:
-        urls = [started.path, started.process.stdout.readline().split()[2]]
+        urls = [started.path, not_none(started.process.stdout).readline().split()[2]]
         assert [url.partition(":")[0] for url in urls] == [scheme] * 2
         with ExitStack() as stack:
-            first, second = (
-                stack.enter_context(serial.serial_for_url(url, timeout=PATIENCE)) for url in urls
-            )
+            first, second = (stack.enter_context(open_robot(url, timeout=PATIENCE)) for url in urls)
             assert ask(first, b"G,1,1\n") == b"g\r\n"
             assert ask(second, b"D,3,-3\n") == b"d\r\n"
             assert ask(first, b"H\n") == b"h,1,1\r\n"
@@ -120,7 +123,7 @@ def test_one_of_several_fits_into_a_url() -> None:
     places = []
     for robot in (1, 2):
         url = f"khepera://open-box?robots=2&robot={robot}&seed=3"
-        with serial.serial_for_url(url, timeout=1) as port:
+        with open_robot(url, timeout=1) as port:
             assert ask(port, b"G,5,6\n") == b"g\r\n"
             places.append(port.emulator.truth().pose)
     assert hypot(places[0].x - places[1].x, places[0].y - places[1].y) > 0.05
@@ -129,12 +132,12 @@ def test_one_of_several_fits_into_a_url() -> None:
         ("robot=2", "not from 1 to 1"),
     ):
         with pytest.raises(serial.SerialException, match=words):
-            serial.serial_for_url(f"khepera://open-box?{options}")
+            open_robot(f"khepera://open-box?{options}")
 
 
 def test_links_go_at_the_end(tmp_path: Path) -> None:
     with emulator("--robots", "2", "--no-zenoh", "--link", str(tmp_path / "line")) as started:
-        started.process.stdout.readline()
+        not_none(started.process.stdout).readline()
         assert {path.name for path in tmp_path.iterdir()} >= {"line-1", "line-2"}
         assert started.end() == (0, "")
     assert list(tmp_path.iterdir()) == []

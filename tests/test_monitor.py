@@ -2,8 +2,12 @@
 
 import io
 import re
+from collections.abc import Callable
+from typing import Any
 
 import pytest
+import zenoh
+from as_type import as_type
 from controller_helpers import (
     a_decision,
     a_frame,
@@ -23,8 +27,8 @@ from khepera_protocol.zenoh.payloads import Truth
 from rich.console import Console
 
 from macor_hil.errors import TelemetryError
-from macor_hil.monitor.follower import Follower, Watcher
-from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState, Watched
+from macor_hil.monitor.follower import Follower
+from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState
 from macor_hil.monitor.terminal import watch
 from macor_hil.monitor.terminal_view import bar, render, spark
 from macor_hil.telemetry.examples import EXAMPLES
@@ -36,13 +40,13 @@ PATIENCE = 10.0
 KEYS = [f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state")]
 
 
-def text_of(watched: Watched, now: float = 100.0, width: int = 80) -> str:
+def text_of(watched, now: float = 100.0, width: int = 80) -> str:
     console = Console(file=io.StringIO(), width=width, height=24)
     console.print(render(watched, now))
     return console.file.getvalue()
 
 
-def a_watched(**changes) -> Watched:
+def a_watched(**changes: Any):
     watched = RobotState("khepera", Controlled(alive=True, met=True, state=a_state()))
     watched.controlled.decide(a_decision(3, **changes), 99.5)
     return watched
@@ -96,7 +100,9 @@ def test_a_situation_without_resonance_is_called_unknown() -> None:
 
 
 def test_a_program_that_is_no_controller_of_ours_is_told_of() -> None:
-    watched = RobotState("khepera", emulated=Emulated(alive=True, truth=EXAMPLES[Truth]))
+    watched = RobotState(
+        "khepera", emulated=Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
+    )
     told = line_with(text_of(watched), "controller")
     assert "none; a program that tells nothing of itself drives it" in told
 
@@ -115,7 +121,7 @@ def test_link_and_speeds_are_shown_while_they_are_known() -> None:
     watched = a_watched()
     assert "speeds" not in text_of(watched)
     watched.controlled.link = EXAMPLES[Link]
-    watched.emulated = Emulated(alive=True, truth=EXAMPLES[Truth])
+    watched.emulated = Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
     text = text_of(watched)
     assert "240 exchanges, 26.0 ms mean, 53.0 ms worst, 0 failed" in line_with(text, "link")
     assert "speeds 160 and 158 mm/s" in line_with(text, "wheels")
@@ -131,7 +137,7 @@ def test_the_fullest_picture_fits_the_terminal(width: int) -> None:
     watched.controlled.state = a_state(port="/dev/" + "x" * 200, map="y" * 300, reason="z" * 400)
     watched.not_taken = NotTaken(123_456, 123_456, "t" * 300)
     watched.controlled.link = EXAMPLES[Link]
-    watched.emulated = Emulated(alive=True, truth=EXAMPLES[Truth])
+    watched.emulated = Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
     for _ in range(100):
         watched.see(bytes(123_456), 99.9)
         watched.controlled.history.append(a_decision())
@@ -213,12 +219,12 @@ def test_a_bad_name_is_refused() -> None:
         watch(session, "a/**")
 
 
-def wait_for(watcher: Watcher, what) -> None:
+def wait_for(watcher, what: Callable[..., Any]) -> None:
     watcher.follow(PATIENCE, until=what)
     assert what()
 
 
-def live_and_go(endpoint: str, watcher: Watcher, commands: int) -> None:
+def live_and_go(endpoint: str, watcher, commands: int) -> None:
     """A controller appears, drives some commands, and goes; the watcher must see all of it."""
     with open_session([], [endpoint]) as session, Publisher(session, "khepera") as publisher:
         wait_for(watcher, lambda: watcher.watched.controlled.alive)
@@ -256,7 +262,7 @@ def test_a_state_that_came_before_the_sign_of_life_is_not_forgotten() -> None:
         wait_until_watched(other, key)
         when = other.new_timestamp()
 
-        def answer(query) -> None:
+        def answer(query: zenoh.Query) -> None:
             with query:
                 query.reply(key, text, timestamp=when)
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from macor_hil.errors import CameraError, CameraSourceError
 from macor_hil.hardware.cameras.one_source import SETTLING, OneSource, Round
+from macor_hil.monitor.dashboard.sources import Source
 
 
 class Clock:
@@ -18,7 +19,7 @@ class Clock:
 
 def a_round(*sources: str, refusing: list[str] | tuple[()] = ()) -> Round:
     """A question that these have answered, and nobody else does."""
-    answers = Round()
+    answers: Round[str, str] = Round()
     for source in sources:
         answers.add(source, f"picture of {source}")
     for source in refusing:
@@ -80,7 +81,7 @@ def test_a_source_that_has_gone_is_not_followed_by_one_of_several(
 
 def test_who_answers_late_is_a_stranger_too(source: OneSource, clock: Clock) -> None:
     source.pick(a_round("a"), 1.0)
-    answers = Round()
+    answers: Round[str, str] = Round()
     answers.add("a", "picture of a")
     source.pick(answers, 1.0)
     answers.add("b", "late")
@@ -102,7 +103,7 @@ def test_no_picture_ever_comes_from_who_answered_beside_the_source(
     rounds: list[tuple[list[str], int, float]],
 ) -> None:
     clock = Clock()
-    source = OneSource("the key", clock)
+    source: Source = OneSource("the key", clock)
     beside, before = set(), None
     for order, number, seconds in rounds:
         answering = order[:number]

@@ -2,9 +2,11 @@
 
 from itertools import product
 from math import ceil, radians
+from typing import Any
 
 import numpy as np
 import pytest
+from as_type import not_none
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from khepera_protocol.serial.units import PULSE, WHEEL_BASE
@@ -37,7 +39,7 @@ TIGHT = arena(
 """A room that no drive lasts long in."""
 
 
-def oracle(made: Arena, model: Model = KHEPERA, **options: float | WheelDrift | None) -> Oracle:
+def oracle(made: Arena, model: Model = KHEPERA, **options: Any) -> Oracle:
     return Oracle(outline(made, model), **options)
 
 
@@ -190,14 +192,14 @@ def test_things_stand_still_for_it() -> None:
 @pytest.mark.parametrize("name", ["corridor", "maze", "lamp-room"])
 def test_the_drives_that_it_finds_are_driven_without_a_collision(name: str) -> None:
     with open_hardware(f"khepera://{name}?drift=none") as hardware:
-        made_oracle, driver = Oracle(hardware.bench.outline()), Driver(hardware.robot)
+        made_oracle, driver = Oracle(not_none(hardware.bench).outline()), Driver(hardware.robot)
         for seed in range(3):
-            start = hardware.bench.reset(Reset(random=seed > 0, seed=seed)).pose
+            start = not_none(hardware.bench).reset(Reset(random=seed > 0, seed=seed)).pose
             found = made_oracle.longest_drive(start, 40)
             driver.start()
             outcomes = [driver.execute(COMMANDS[command]) for command in found.commands]
             assert not any(outcome.collided for outcome in outcomes)
-            assert not hardware.bench.truth().touched
+            assert not not_none(hardware.bench).truth().touched
 
 
 def test_no_drive_is_longer() -> None:
@@ -211,7 +213,7 @@ def test_no_drive_is_longer() -> None:
         driver = Driver(hardware.robot)
         for pose, length in doomed[:4]:
             for commands in product(COMMANDS, repeat=length + 1):
-                hardware.bench.reset(Reset(pose=pose))
+                not_none(hardware.bench).reset(Reset(pose=pose))
                 driver.start()
                 assert any(driver.execute(command).collided for command in commands)
 
@@ -219,12 +221,12 @@ def test_no_drive_is_longer() -> None:
 def test_wheels_that_differ_are_accounted_for() -> None:
     port = "khepera://s-curve?seed=3&drift=scale=0.02,base=0.04"
     with open_hardware(port) as hardware:
-        drift = hardware.bench.truth().drift
+        drift = not_none(hardware.bench).truth().drift
         assert abs(drift.left_scale - drift.right_scale) > 0.005
-        drawing, driver = hardware.bench.outline(), Driver(hardware.robot)
+        drawing, driver = not_none(hardware.bench).outline(), Driver(hardware.robot)
         collided = []
         for known in (drift, None):
-            start = hardware.bench.reset(Reset(seed=1)).pose
+            start = not_none(hardware.bench).reset(Reset(seed=1)).pose
             found = Oracle(drawing, drift=known).longest_drive(start, 40)
             assert found.length == 40
             driver.start()

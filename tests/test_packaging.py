@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from as_type import not_none
 from emulator_process import PATIENCE
 from packaging.requirements import Requirement
 
@@ -51,7 +52,7 @@ MAY_FAIL = {
 }
 
 
-def without_extras(code, *arguments):
+def without_extras(code, *arguments: str):
     """Run Python code where nothing can be imported that only an extra brings."""
     block = f"import sys; sys.modules.update(dict.fromkeys({list(NEEDS)}));"
     return subprocess.run(
@@ -98,7 +99,9 @@ def test_every_extra_is_tried_without() -> None:
 @pytest.mark.parametrize("python", ["3.11", "3.12", "3.13", "3.14"])
 def test_every_python_gets_one_pybullet(python: str) -> None:
     wanted = [Requirement(line) for line in PROJECT["optional-dependencies"]["emulator"]]
-    found = [each.name for each in wanted if each.marker.evaluate({"python_version": python})]
+    found = [
+        each.name for each in wanted if not_none(each.marker).evaluate({"python_version": python})
+    ]
     assert found == ["pybullet-arm64" if python in ("3.12", "3.13") else "pybullet"]
 
 

@@ -1,11 +1,11 @@
 """Resets: they leave nothing of the robot's past."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import pytest
-import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from in_process import open_robot
 from khepera_protocol.zenoh.payloads import Reset
 
 import khepera_emulator  # noqa: F401 - registers khepera://
@@ -30,7 +30,7 @@ steps = st.one_of(
 
 
 def opened(baud: str) -> Serial:
-    return serial.serial_for_url(f"{URL}&baud={baud}", timeout=0.3, stopbits=2)
+    return open_robot(f"{URL}&baud={baud}", timeout=0.3, stopbits=2)
 
 
 def answers(port: Serial) -> list[bytes]:
@@ -47,7 +47,7 @@ def answers(port: Serial) -> list[bytes]:
     return said
 
 
-def live(port: Serial, past: list[bytes | float]) -> None:
+def live(port: Serial, past: Sequence[bytes | float]) -> None:
     for step in past:
         if isinstance(step, bytes):
             port.write(step)
@@ -71,7 +71,7 @@ def test_a_seeded_reset_has_no_past_whatever_it_was(baud: str) -> None:
 
     @settings(max_examples=20)
     @given(st.lists(steps, max_size=8))
-    def check(past: list[bytes | float]) -> None:
+    def check(past: Sequence[bytes | float]) -> None:
         with opened(baud) as port:
             live(port, past)
             port.emulator.reset(Reset(seed=3))
@@ -88,7 +88,7 @@ def test_a_reset_without_a_seed_powers_on_as_well(baud: str) -> None:
 
     @settings(max_examples=60)
     @given(st.lists(steps, max_size=8))
-    def check(past: list[bytes | float]) -> None:
+    def check(past: Sequence[bytes | float]) -> None:
         with opened(baud) as port:
             live(port, past)
             port.emulator.reset(Reset())

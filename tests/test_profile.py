@@ -1,9 +1,10 @@
 """Profiles of robots, and the mirror that is found in a picture."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -89,7 +90,9 @@ def test_what_is_measured_later_leaves_the_rest(tmp_path: Path) -> None:
         (lambda data: data["wheels"].update(base=0.0), "wheels.base should be .*, not 0.0"),
     ],
 )
-def test_a_profile_that_cannot_be_used_says_why(tmp_path: Path, change, says: str) -> None:
+def test_a_profile_that_cannot_be_used_says_why(
+    tmp_path: Path, change: Callable[..., Any], says: str
+) -> None:
     path = tmp_path / "robot.json"
     save_profile(path, RobotProfile())
     data = json.loads(path.read_text())

@@ -1,5 +1,8 @@
 """Requests and replies against the worked examples of the protocol's specification."""
 
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -197,7 +200,7 @@ def test_a_reply_of_another_turret_is_refused() -> None:
 
 
 @st.composite
-def requests(draw) -> Request:
+def requests(draw: st.DrawFn) -> Request:
     command = COMMANDS[draw(st.sampled_from(sorted(COMMANDS)))]
     numbers = tuple(draw(st.integers(field.low, field.high)) for field in command.request)
     rest = ()
@@ -246,7 +249,7 @@ def test_the_short_way_to_read_a_reply_is_the_table_s(request: Request, data: Da
         assert _outcome(parse_reply, request, line) == _outcome(_parse_by_table, request, line)
 
 
-def _outcome(parse, request: Request, line: bytes) -> Reply | str:
+def _outcome(parse: Callable[..., Any], request: Request, line: bytes) -> Reply | str:
     try:
         return parse(request, line)
     except ReplyError as error:

@@ -6,12 +6,14 @@ import select
 import struct
 import termios
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
+from as_type import not_none
 from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 from unprivileged import as_nobody, enter_from_outside
 
@@ -271,10 +273,10 @@ class TestClientsThatComeJustThen:
         return terminal
 
     @pytest.fixture
-    def second(self, port: PtyPort):
+    def second(self, port: PtyPort) -> Iterator[Callable[..., int]]:
         """Opens the terminal and writes, when it is called first."""
         with ExitStack() as stack:
-            opened = []
+            opened: list[int] = []
 
             def come() -> int:
                 if not opened:
@@ -285,7 +287,9 @@ class TestClientsThatComeJustThen:
             yield come
 
     @staticmethod
-    def before(monkeypatch: pytest.MonkeyPatch, owner: Terminal, name: str, act) -> None:
+    def before(
+        monkeypatch: pytest.MonkeyPatch, owner: Terminal, name: str, act: Callable[..., Any]
+    ) -> None:
         """Let something happen just before every call of a function."""
         function = getattr(owner, name)
 
@@ -301,7 +305,7 @@ class TestClientsThatComeJustThen:
         return unread(terminal) == b"b\r\n"
 
     def test_when_the_last_one_is_about_to_hang_up(
-        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         # the event of a closing comes a little before the hang-up
         events = port._terminal.events
@@ -320,7 +324,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_one_has_come_written_and_left_at_once(
-        self, port: PtyPort, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         with client(port) as quick:
             os.write(quick, b"N\n")
@@ -329,7 +333,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_the_event_of_a_writing_was_ahead_of_its_bytes(
-        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         read, late = port._terminal.read, [b""]
         monkeypatch.setattr(
@@ -343,7 +347,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_something_is_being_said_to_the_last_one(
-        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         def leave_and_come() -> None:
             os.close(first)
@@ -356,7 +360,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_the_last_one_is_found_to_have_left(
-        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         os.write(first, b"O\n")
         os.close(first)
@@ -365,7 +369,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_nothing_is_left_of_the_last_one(
-        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         os.close(first)
         self.before(monkeypatch, port._terminal, "hold", second)
@@ -375,7 +379,12 @@ class TestClientsThatComeJustThen:
 
     @pytest.mark.parametrize("step", ["hold", "open"])
     def test_when_another_has_been_there_in_between(
-        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch, step: str
+        self,
+        port: PtyPort,
+        first: int,
+        second: Callable[..., int],
+        monkeypatch: pytest.MonkeyPatch,
+        step: str,
     ) -> None:
         os.close(first)
         others = [b"O\n"]
@@ -402,7 +411,7 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_the_terminal_is_being_opened(
-        self, port: PtyPort, first: int, second, monkeypatch: pytest.MonkeyPatch
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         os.close(first)
         path = port.url
@@ -414,7 +423,7 @@ class TestClientsThatComeJustThen:
                 second()
             return openings(name, *flags)
 
-        waits = []
+        waits: list[float] = []
         monkeypatch.setattr(os, "open", open_both)
         assert port.receive(MUCH) == [b""]
         assert waits
@@ -459,9 +468,9 @@ class TestSettings:
             settings = termios.tcgetattr(terminal)
             settings[4] = settings[5] = getattr(termios, f"B{rate}")
             termios.tcsetattr(terminal, termios.TCSANOW, settings)
-            assert port.settings().baud == rate
+            assert not_none(port.settings()).baud == rate
         received(port)
-        assert port.settings().baud == rate  # as `stty` wants it
+        assert not_none(port.settings()).baud == rate  # as `stty` wants it
 
     def test_rate_may_be_any_number(self, port: PtyPort) -> None:
         with serial.Serial(port.url, 31250, stopbits=2):
@@ -585,7 +594,7 @@ class TestWhatAClientLeaves:
 
     def test_exclusive_use_by_one_that_followed_another_makes_the_line_move(self) -> None:
         def check() -> None:
-            moved = []
+            moved: list[str] = []
             port = PtyPort(moved.append)
             with client(port) as first:
                 os.write(first, b"N\n")
@@ -604,7 +613,7 @@ class TestWhatAClientLeaves:
         as_nobody(check)
 
     def test_a_link_that_cannot_be_turned_is_no_end(self, caplog: pytest.LogCaptureFixture) -> None:
-        def moved(path) -> None:
+        def moved(path: Path) -> None:
             raise EmulatorError(f"cannot turn the link to {path}")
 
         def check() -> None:

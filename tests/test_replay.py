@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import serial
 from emulator_process import PATIENCE, emulator
+from in_process import open_robot
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.app.cli.program import run
@@ -18,17 +19,20 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line import wire_log
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.line.wire_log import Entry, Recording, WireLog, read_log, robot_url
+from khepera_emulator.ports.protocol_khepera import Serial
 
 URL = "khepera://corridor?seed=3"
 SESSION = (b"B\n", b"D,5,3\n", b"N\n", b"N\nO\nH\n", b"D,0,0\n", b"K\n", b"M\n", b"memory\n")
 
 
-def play(recording, url=URL, ignore=()):
-    with serial.serial_for_url(url, timeout=1) as port:
+def play(
+    recording: Recording, url: str = URL, ignore: list[str] | tuple[()] = ()
+) -> int | Difference:
+    with open_robot(url, timeout=1) as port:
         return replay(recording, port, ignore)
 
 
-def log_of(*lines, url=URL):
+def log_of(*lines: tuple[bytes, bytes], url: str = URL) -> Recording:
     """A log of replies to one request each, a second apart."""
     entries = []
     for second, (request, said) in enumerate(lines):
@@ -39,7 +43,7 @@ def log_of(*lines, url=URL):
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory):
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of two clients at two rates, one of which leaves with replies under way."""
     path = tmp_path_factory.mktemp("log") / "wire.jsonl"
     # requests are bent, not replies: how many bytes come before the stray ones hangs on real time
@@ -49,7 +53,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory):
         "--no-zenoh", "--seed", "3", "--dead-man", "60", "--record", str(path), *options
     ) as running:
         for rate in (9600, 38400):
-            with serial.Serial(running.path, rate, timeout=0.2) as port:
+            with Serial(running.path, rate, timeout=0.2) as port:
                 for request in SESSION:
                     port.write(request)
                     port.read_until(b"\n")
@@ -59,7 +63,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory):
 
 
 class TestRecording:
-    def test_holds_both_directions_settings_goodbyes_and_faults(self, recorded) -> None:
+    def test_holds_both_directions_settings_goodbyes_and_faults(self, recorded: Path) -> None:
         log = read_log(recorded)
         assert log.url.startswith(
             "khepera://corridor?fault=flip%3Ap%3D0.03%2Cdir%3Drequest&fault=delay"
@@ -80,7 +84,7 @@ class TestRecording:
         times = [each.time for each in log.entries]
         assert times == sorted(times)
 
-    def test_played_in_virtual_time_gives_the_same_bytes(self, recorded) -> None:
+    def test_played_in_virtual_time_gives_the_same_bytes(self, recorded: Path) -> None:
         log = read_log(recorded)
         result = play(log, log.url)
         assert isinstance(result, int), str(result)
@@ -91,7 +95,7 @@ class TestRecording:
         options = ("--baud", "unpaced", "--speed", "20")
         with emulator("--no-zenoh", "--seed", "3", "--record", str(path), *options) as running:
             for _ in range(2):
-                with serial.Serial(running.path, timeout=PATIENCE) as port:
+                with Serial(running.path, timeout=PATIENCE) as port:
                     # while it moves every millisecond counts
                     for request in (b"D,9,7\n", b"H\nE\n", b"C,50,90\n", b"K\nN\n") * 8:
                         port.write(request)
@@ -105,7 +109,7 @@ class TestRecording:
         times = [each.time for each in log.entries]
         assert times == sorted(times)
 
-    def test_of_another_robot_differs(self, recorded) -> None:
+    def test_of_another_robot_differs(self, recorded: Path) -> None:
         log = read_log(recorded)
         result = play(log, log.url.replace("seed=3", "seed=4"))
         assert isinstance(result, Difference)
@@ -219,7 +223,7 @@ class TestRecording:
             "corridor", [("model", "khepera2"), ("fault", "stray:p=1,text=&#%"), ("x", "")]
         )
         assert url == "khepera://corridor?model=khepera2&fault=stray%3Ap%3D1%2Ctext%3D%26%23%25"
-        with serial.serial_for_url(url, timeout=1) as port:
+        with open_robot(url, timeout=1) as port:
             port.write(b"B\n")
             assert port.readline() == b"&#%b,5.02,5.01\r\n"
 
@@ -228,7 +232,7 @@ class TestRecording:
         arena = tmp_path / f"{name}.toml"
         arena.write_text(f"{MAZE}")
         url = robot_url(str(arena), [("seed", "3")])
-        with serial.serial_for_url(url, timeout=1) as port:
+        with open_robot(url, timeout=1) as port:
             assert port.emulator.setup.arena.title == load_arena("maze").title
             assert port.emulator.setup.seed == 3
 
@@ -251,7 +255,7 @@ class TestReplay:
             (b"b,5.01,5.01", VERSION),
         ],
     )
-    def test_tells_the_first_difference(self, logged, said) -> None:
+    def test_tells_the_first_difference(self, logged: bytes, said: bytes) -> None:
         result = play(log_of((b"H\n", b"h,0,0\r\n"), (b"B\n", logged), (b"B\n", b"x\r\n")))
         assert isinstance(result, Difference)
         expected = said or (VERSION if logged.endswith(b"more\r\n") else b"")
@@ -291,7 +295,7 @@ class TestReplay:
             Entry(2.5, "request", b"B\n"),
             Entry(3.0, "reply", VERSION),
         )
-        with serial.serial_for_url(URL, timeout=1) as port:
+        with open_robot(URL, timeout=1) as port:
             assert replay(Recording(URL, entries), port) == 1
             assert port.baudrate == 38400
             assert port.now == pytest.approx(3.0)
@@ -312,14 +316,16 @@ class TestReplay:
 
 class TestCommand:
     @staticmethod
-    def run(monkeypatch, capfd, *arguments):
+    def run(
+        monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], *arguments: Path | str
+    ) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["khepera-emulator", "replay", *map(str, arguments)])
         status = run()
         out, err = capfd.readouterr()
         return status, out, err
 
     @pytest.fixture
-    def file(self, tmp_path: Path):
+    def file(self, tmp_path: Path) -> Path:
         path = tmp_path / "wire.jsonl"
         with WireLog(path, URL) as log:
             log.request(0.0, b"H\n")
@@ -327,7 +333,7 @@ class TestCommand:
         return path
 
     def test_ends_with_one_and_the_difference(
-        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], file
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], file: Path
     ) -> None:
         status, out, _ = self.run(monkeypatch, capfd, file)
         assert status == 1
@@ -342,14 +348,14 @@ class TestCommand:
             log.reply(0.01, b"d\r\n")
         with emulator("--no-zenoh", "--baud", "unpaced") as running:
             assert self.run(monkeypatch, capfd, path, "--port", running.path)[0] == 0
-            with serial.Serial(running.path, timeout=PATIENCE) as port:
+            with Serial(running.path, timeout=PATIENCE) as port:
                 speeds = b""
                 while speeds != b"e,0,0\r\n":  # it rolls on a little
                     port.write(b"E\n")
                     speeds = port.read_until(b"\n")
 
     def test_ends_with_zero_when_equal(
-        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], file
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], file: Path
     ) -> None:
         status, out, _ = self.run(monkeypatch, capfd, file, "--ignore", "N,H")
         assert (status, out) == (0, "1 reply lines equal\n")
@@ -415,7 +421,7 @@ class TestCommand:
         arena.write_text(MAZE)
         with (
             emulator("--no-zenoh", "--arena", str(arena), "--record", str(log)) as running,
-            serial.Serial(running.path, timeout=PATIENCE) as port,
+            Serial(running.path, timeout=PATIENCE) as port,
         ):
             port.write(b"B\n")
             assert port.readline() == VERSION
@@ -433,7 +439,11 @@ class TestCommand:
 
     @pytest.mark.parametrize("url", ["/nowhere", "khepera://nowhere", "what://is"])
     def test_port_that_is_none_is_one_sentence(
-        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], file, url: str
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        capfd: pytest.CaptureFixture[str],
+        file: Path,
+        url: str,
     ) -> None:
         status, out, err = self.run(monkeypatch, capfd, file, "--port", url)
         assert (status, out) == (2, "")

@@ -44,7 +44,7 @@ class ScriptedPort:
         self.replies = {b"D,0,0": STOPPED, b"E": RESTING, **(replies or {})}
         self.pending = pending
         self.written = b""
-        self.requests = []
+        self.requests: list[bytes] = []
         self.now = 0.0
         self.baudrate = 9600
         self.timeout = None

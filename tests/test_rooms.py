@@ -48,11 +48,11 @@ SEEN_BY_THE_MIND = {
 }
 
 
-def inside(module, folder):
+def inside(module, folder: Path):
     return module == folder or module.startswith(f"{folder}.")
 
 
-def imports(folder):
+def imports(folder: Path):
     """All imports of a folder's modules: who, what, and whether inside a function."""
     for module, file in MODULES.items():
         if inside(module, folder):
@@ -65,7 +65,7 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
 
 
 @pytest.mark.parametrize("folder", folders_of(GRAPH))
-def test_a_folder_is_small_and_has_no_circle(folder) -> None:
+def test_a_folder_is_small_and_has_no_circle(folder: Path) -> None:
     graph = folder_graph(folder, GRAPH)
     TopologicalSorter(graph).prepare()
     assert len(graph) <= MOST
@@ -83,7 +83,7 @@ def test_packages_import_one_way() -> None:
 
 
 def test_the_protocol_and_the_mind_have_no_io_but_where_it_is_named() -> None:
-    found = {}
+    found: dict[str, set[str]] = {}
     for module, imported, _ in [*imports("khepera_protocol"), *imports("macor_hil.mind")]:
         package = imported.split(".")[0]
         if package in IO and not inside(module, "khepera_protocol.zenoh"):

@@ -8,9 +8,11 @@ import threading
 import time
 from math import cos, pi, sin
 from queue import SimpleQueue
+from typing import Any
 
 import pytest
 import zenoh
+from as_type import not_none
 from controller_helpers import (
     PATIENCE,
     a_decision,
@@ -101,7 +103,7 @@ float64 w
 NOW = 1_700_000_000_123_456_789
 
 
-def decode(kind, data):
+def decode(kind, data: bytes):
     text = DEFINITIONS[kind].replace("===", 80 * "=")
     decoder = DecoderFactory().decoder_for("cdr", Schema(1, text.encode(), "ros2msg", kind))
     return decoder(data)
@@ -236,13 +238,15 @@ def test_what_a_controller_tells_arrives_as_ros_2_topics() -> None:
         for _ in range(3):
             bridge.forward(PATIENCE)
         samples = [receive(topics) for _ in range(5)]
-        tokens = [str(reply.ok.key_expr) for reply in listener.liveliness().get("@ros2_lv/**")]
-    got = {}
+        tokens = [
+            str(not_none(reply.ok).key_expr) for reply in listener.liveliness().get("@ros2_lv/**")
+        ]
+    got: dict[str, list[tuple[Any, bytes]]] = {}
     for sample in samples:
         _, name, dds_kind, _ = str(sample.key_expr).rsplit("/", 3)[-4:]
         kind = dds_kind.replace("::", "/").replace("dds_/", "").rstrip("_")
         message = decode(kind, sample.payload.to_bytes())
-        got.setdefault(name, []).append((message, sample.attachment.to_bytes()))
+        got.setdefault(name, []).append((message, not_none(sample.attachment).to_bytes()))
     assert {name: len(each) for name, each in got.items()} == {
         "compressed": 1,
         "cmd_vel": 2,
@@ -263,7 +267,7 @@ def test_what_a_controller_tells_arrives_as_ros_2_topics() -> None:
 def test_what_cannot_be_read_is_dropped(caplog: pytest.LogCaptureFixture) -> None:
     endpoint = free_endpoint()
     with publishing(endpoint) as (session, publisher), Bridge(session, "khepera") as bridge:
-        got = SimpleQueue()
+        got: SimpleQueue[zenoh.Sample] = SimpleQueue()
         session.declare_subscriber("0/khepera/odom/**", got.put)
         session.put(DECISION.of("khepera"), "{}")
         publisher.decision(a_decision())

@@ -11,6 +11,9 @@ from queue import SimpleQueue
 import cv2
 import numpy as np
 import pytest
+import zenoh
+from as_type import not_none
+from controller_helpers import Samples
 from drives import STATUSES, WAYS_OUT, Drive, programs
 from emulator_process import PATIENCE
 from rig import RELAYED, rig
@@ -45,7 +48,7 @@ def bench(shared_bench):
     shared_bench.end_controllers()
 
 
-def drive(bench, map_file, **fields):
+def drive(bench, map_file: Path, **fields):
     """A controller whose commands take more than a second, at the beginning of one."""
     controller = bench.controller(map_file, speed=2, **fields)
     controller.wait_for_steps(1)
@@ -62,7 +65,9 @@ def interrupted(controller):
 
 
 @pytest.mark.parametrize("mode", ["lost", "frozen", "late", "dark", "small", "garbage"])
-def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, mode: str) -> None:
+def test_a_failing_camera_stops_the_robot_until_it_works_again(
+    bench, map_file: Path, mode: str
+) -> None:
     controller = drive(bench, map_file)
 
     def fail() -> None:
@@ -82,7 +87,7 @@ def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, 
 def a_stranger(bench, make_picture):
     """A session that answers on the camera's key as well, and claims to be complete."""
 
-    def answer(query) -> None:
+    def answer(query: zenoh.Query) -> None:
         with query:
             query.reply(RELAYED, make_picture())
 
@@ -101,10 +106,12 @@ def noise():
 
 @pytest.mark.parametrize("make_picture", [lambda: b"flour", noise])
 def test_a_stranger_on_the_camera_s_key_neither_holds_nor_steers_the_robot(
-    bench, map_file, make_picture
+    bench, map_file: Path, make_picture
 ) -> None:
     controller = drive(bench, map_file)
-    frames, states, asked = SimpleQueue(), SimpleQueue(), SimpleQueue()
+    frames: Samples = SimpleQueue()
+    states: Samples = SimpleQueue()
+    asked: SimpleQueue[int] = SimpleQueue()
     with open_session([], [bench.controller_endpoint]) as session:
         session.declare_subscriber("macor/khepera/frame", frames.put)
         session.declare_subscriber("macor/khepera/state", states.put)
@@ -116,7 +123,9 @@ def test_a_stranger_on_the_camera_s_key_neither_holds_nor_steers_the_robot(
     assert seen
     for data in seen:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-        assert not picture[:8, :8].any()  # outside the mirror; noise everywhere is the stranger's
+        assert not not_none(picture)[
+            :8, :8
+        ].any()  # outside the mirror; noise everywhere is the stranger's
     # a late picture of a busy machine may stop the robot, but no stranger
     reasons = [json.loads(sample.payload.to_string())["reason"] for sample in drained(states)]
     assert not [reason for reason in reasons if "no picture (" in reason or "source" in reason]
@@ -128,7 +137,7 @@ def drained(queue):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_stops_the_robot(bench, map_file, number) -> None:
+def test_a_signal_stops_the_robot(bench, map_file: Path, number: int) -> None:
     controllers = []
 
     def interrupt() -> None:
@@ -139,7 +148,7 @@ def test_a_signal_stops_the_robot(bench, map_file, number) -> None:
     assert controllers[-1].end().startswith(f"interrupted {signal.Signals(number).name}")
 
 
-def test_a_stop_request_stops_the_robot(bench, map_file) -> None:
+def test_a_stop_request_stops_the_robot(bench, map_file: Path) -> None:
     controllers = []
 
     def ask() -> None:
@@ -151,7 +160,7 @@ def test_a_stop_request_stops_the_robot(bench, map_file) -> None:
     assert controllers[-1].end().startswith("interrupted the stop key")
 
 
-def test_the_stop_key_is_off_unless_asked_for(bench, map_file) -> None:
+def test_the_stop_key_is_off_unless_asked_for(bench, map_file: Path) -> None:
     controller = drive(bench, map_file)
     with open_session([], [bench.controller_endpoint]) as session:
         session.put("macor/khepera/stop", REQUEST)
@@ -160,7 +169,7 @@ def test_the_stop_key_is_off_unless_asked_for(bench, map_file) -> None:
     controller.wait_for_steps(2)
 
 
-def test_the_robot_stands_while_a_planner_is_late(bench, map_file) -> None:
+def test_the_robot_stands_while_a_planner_is_late(bench, map_file: Path) -> None:
     phases = []
     with open_session([], [bench.controller_endpoint]) as session:
         session.declare_subscriber(
@@ -177,11 +186,11 @@ def test_the_robot_stands_while_a_planner_is_late(bench, map_file) -> None:
     assert "late" in phases
 
 
-def phase(sample):
+def phase(sample: zenoh.Sample):
     return json.loads(sample.payload.to_string())["phase"]
 
 
-def test_a_defect_in_mid_drive_stops_the_robot(bench, map_file) -> None:
+def test_a_defect_in_mid_drive_stops_the_robot(bench, map_file: Path) -> None:
     def break_down() -> None:
         controller = bench.controller(map_file, trouble="exception")
         controller.wait_for(lambda lines: "broken" in lines)
@@ -219,7 +228,7 @@ def test_a_robot_with_a_dead_man_stop_does_not(tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", ["SIGTERM", "terminal closed"])
 @pytest.mark.parametrize("program", ["run", "train", "trials", "calibrate", "Commands", "Wheels"])
 def test_no_way_out_of_any_program_leaves_the_robot_driving(
-    bench, map_file, program: str, way: str
+    bench, map_file: Path, program: str, way: str
 ) -> None:
     drives = []
 
@@ -235,7 +244,7 @@ def test_no_way_out_of_any_program_leaves_the_robot_driving(
         assert status == STATUSES[way], drives[-1].said
 
 
-def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file) -> None:
+def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file: Path) -> None:
     drives = []
 
     def end() -> None:
@@ -283,20 +292,24 @@ def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending) -> No
     assert bench.stops_within(LIMIT, end)
 
 
-def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(bench, map_file) -> None:
+def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(
+    bench, map_file: Path
+) -> None:
     controller = drive(bench, map_file)
     controller.process.kill()
     assert 0.6 < bench.time_to_stand() < 2.0  # the rest of its command
 
 
-def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(bench, map_file) -> None:
+def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(
+    bench, map_file: Path
+) -> None:
     controller = drive(bench, map_file)
     bench.restart_emulator()
     controller.wait_for_steps(3)
     assert interrupted(controller) > 0
 
 
-def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path: Path) -> None:
+def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file: Path, tmp_path: Path) -> None:
     """Its camera has another Zenoh id: a change that is told, and then followed."""
     with rig(tmp_path, relay=False) as bench:
         controller = drive(bench, map_file)
@@ -306,19 +319,19 @@ def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path: 
 
 
 def test_a_robot_stops_while_its_router_is_gone_and_goes_on_when_it_is_back(
-    map_file, tmp_path: Path
+    map_file: Path, tmp_path: Path
 ) -> None:
     with rig(tmp_path, routed=True) as bench:
         controller = drive(bench, map_file)
 
         def lose_the_router() -> None:
-            if bench.router.process.poll() is not None:
-                bench.router.start()
+            if not_none(bench.router).process.poll() is not None:
+                not_none(bench.router).start()
                 controller.wait_for_steps(1)
                 bench.wait_until_moving()
-            bench.router.kill()
+            not_none(bench.router).kill()
 
         assert bench.stops_within(LIMIT, lose_the_router)
-        bench.router.start()
+        not_none(bench.router).start()
         controller.wait_for_steps(2)
         assert interrupted(controller) > 0

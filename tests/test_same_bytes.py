@@ -13,6 +13,7 @@ from hashlib import sha256
 import pytest
 import serial
 from emulator_process import PATIENCE, emulator, free_endpoint
+from in_process import open_robot
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from macor_hil.hardware.bench import PortBench, ZenohBench
@@ -62,14 +63,14 @@ def session(port, bench, camera):
     return sha256(repr(seen).encode()).hexdigest()
 
 
-def in_process(seed):
+def in_process(seed: int):
     url = f"khepera://{ARENA}?seed={seed}"
-    with serial.serial_for_url(url, baudrate=9600, timeout=2) as port:
+    with open_robot(url, baudrate=9600, timeout=2) as port:
         camera = open_camera("port", port=port, session=None, robot="khepera")
         return session(port, PortBench(port), camera)
 
 
-def on_terminal(seed, speed):
+def on_terminal(seed: int, speed):
     endpoint = free_endpoint()
     with (
         emulator(

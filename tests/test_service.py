@@ -6,12 +6,16 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from queue import Queue, SimpleQueue
+from typing import Any
 
 import pytest
 import serial
+import zenoh
+from as_type import not_none
 from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watching
 from emulator_process import emulator
 from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
@@ -20,9 +24,13 @@ from short_training import train_shortly
 
 import macor_hil.runs.live_run
 import macor_hil.telemetry.publisher
+from khepera_emulator.ports.protocol_khepera import Serial
 from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
+from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.bench import ZenohBench
+from macor_hil.hardware.cameras.camera import Frame
 from macor_hil.hardware.cameras.catalogue import CameraAddress
+from macor_hil.hardware.cameras.port_camera import PortCamera
 from macor_hil.hardware.cameras.watchdog import CameraWatch
 from macor_hil.hardware.khepera import Khepera, open_port
 from macor_hil.mind.catalogue import build_brain
@@ -45,19 +53,19 @@ SETTLING = 0.1
 
 
 @pytest.fixture(scope="module")
-def map_file(tmp_path_factory: pytest.TempPathFactory):
+def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map of a very short training: it knows a few situations around the start."""
     path = tmp_path_factory.mktemp("maps") / "short.npz"
     return train_shortly(path, PORT, random=80)
 
 
 @pytest.fixture
-def config(map_file):
+def config(map_file: Path) -> RunOptions:
     """Six commands on an embedded robot, unwatched; a failure ends the run."""
     return RunOptions(port=PORT, map_file=map_file, commands=6, listen=(), connect=(), recovery=0.0)
 
 
-def changed(config, **options):
+def changed(config: RunOptions, **options: Any) -> RunOptions:
     return config.model_copy(update=options)
 
 
@@ -67,18 +75,18 @@ class Tap:
     `meddle` hears every request once it is on the line, before its reply is read.
     """
 
-    def __init__(self, monkeypatch) -> None:
-        self.requests = []
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.requests: list[bytes] = []
         self.speed = 0.0
         self.port = None
         self.meddle = lambda _: None
         monkeypatch.setattr(macor_hil.hardware.devices, "open_port", self._open)
 
-    def _open(self, url, baud):
+    def _open(self, url: PortAddress, baud: int) -> Serial:
         self.port = open_port(url, baud)
         write, close = self.port.write, self.port.close
 
-        def tapped_write(data):
+        def tapped_write(data: bytes) -> int:
             count = write(data)
             self.requests.append(data)
             self.meddle(data)
@@ -93,21 +101,21 @@ class Tap:
         self.port.write, self.port.close = tapped_write, tapped_close
         return self.port
 
-    def speed_now(self):
+    def speed_now(self) -> float:
         """Speed of the faster wheel, m/s."""
         return max(map(abs, self.port.emulator.truth().speed))
 
-    def in_mid_drive(self, act, arc=2) -> None:
+    def in_mid_drive(self, act: Callable[..., Any], arc: int = 2) -> None:
         """Do something once, while the robot is driving its arc of this number."""
 
-        def meddle(data) -> None:
+        def meddle(data: bytes) -> None:
             if data == b"N\n" and self.count(b"C") == arc and self.speed_now() > MOVING:
                 self.meddle = lambda _: None
                 act()
 
         self.meddle = meddle
 
-    def count(self, letter):
+    def count(self, letter: bytes) -> int:
         return sum(data.startswith(letter) for data in self.requests)
 
     def assert_stopped(self) -> None:
@@ -119,24 +127,26 @@ class Tap:
 
 
 @pytest.fixture
-def tap(monkeypatch: pytest.MonkeyPatch):
+def tap(monkeypatch: pytest.MonkeyPatch) -> Tap:
     return Tap(monkeypatch)
 
 
-def raising(error):
-    def act(*_) -> None:
+def raising(error: BaseException) -> Callable[..., Any]:
+    def act(*_: bytes) -> None:
         raise error
 
     return act
 
 
-def states(samples):
+def states(samples: Any) -> Iterator[State]:
     while True:
         yield State.model_validate_json(receive(samples).payload.to_bytes())
 
 
-def test_a_run_drives_its_commands_and_leaves_the_robot_standing(config, tap) -> None:
-    heard = []
+def test_a_run_drives_its_commands_and_leaves_the_robot_standing(
+    config: RunOptions, tap: Tap
+) -> None:
+    heard: list[Decision] = []
     report = serve(config, heard.append)
     assert report.ending is Ending.COMMANDS
     assert not report.collided
@@ -147,10 +157,12 @@ def test_a_run_drives_its_commands_and_leaves_the_robot_standing(config, tap) ->
     tap.assert_stopped()
 
 
-def test_odometry_follows_the_robot_from_the_start_that_is_given(config, tap) -> None:
+def test_odometry_follows_the_robot_from_the_start_that_is_given(
+    config: RunOptions, tap: Tap
+) -> None:
     heard, truth = [], []
 
-    def on_step(decision) -> None:
+    def on_step(decision: Decision) -> None:
         heard.append(decision)
         truth.append(tap.port.emulator.truth().pose)
 
@@ -165,7 +177,7 @@ def test_odometry_follows_the_robot_from_the_start_that_is_given(config, tap) ->
     assert heard[0].odometry.counters[0] > 0
 
 
-def test_a_collision_ends_the_run(config, tap) -> None:
+def test_a_collision_ends_the_run(config: RunOptions, tap: Tap) -> None:
     report = serve(changed(config, commands=200, planner="reactive"))
     assert report.ending is Ending.COLLISION
     assert report.collided
@@ -173,18 +185,20 @@ def test_a_collision_ends_the_run(config, tap) -> None:
     tap.assert_stopped()
 
 
-def test_the_same_run_gives_the_same_decisions(config) -> None:
-    first, second = [], []
+def test_the_same_run_gives_the_same_decisions(config: RunOptions) -> None:
+    first: list[Decision] = []
+    second: list[Decision] = []
     serve(config, first.append)
     serve(config, second.append)
     assert first == second
 
 
-def test_watchers_receive_every_decision_and_the_states_around_them(config) -> None:
-    endpoint, heard = free_endpoint(), []
+def test_watchers_receive_every_decision_and_the_states_around_them(config: RunOptions) -> None:
+    endpoint = free_endpoint()
+    heard: list[Decision] = []
     keys = [f"macor/robby/{leaf}" for leaf in ("decision", "frame", "state")]
     with open_session([endpoint], []) as session:
-        queues = [SimpleQueue() for _ in keys]
+        queues: list[SimpleQueue[zenoh.Sample]] = [SimpleQueue() for _ in keys]
         for key, queue in zip(keys, queues, strict=True):
             session.declare_subscriber(key, queue.put)
         serve(changed(config, robot="robby", connect=(endpoint,)), heard.append)
@@ -203,18 +217,21 @@ def test_watchers_receive_every_decision_and_the_states_around_them(config) -> N
     assert state.reason == "all commands driven"
 
 
-def latest(session, kind, holds):
-    def read(sample):
+def latest(
+    session: zenoh.Session, kind: type[Decision] | type[State], holds: Callable[..., Any]
+) -> Decision | State:
+    def read(sample: zenoh.Sample) -> Decision | State:
         return kind.model_validate_json(sample.payload.to_bytes())
 
     key = f"macor/khepera/{kind.__name__.lower()}"
     return read(ask_until(session, key, lambda sample: holds(read(sample))))
 
 
-def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config) -> None:
-    endpoint, heard = free_endpoint(), []
+def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config: RunOptions) -> None:
+    endpoint = free_endpoint()
+    heard: list[Decision] = []
 
-    def join(decision) -> None:
+    def join(decision: Decision) -> None:
         if decision.sequence == 3:
             with watching(endpoint) as (session,):
                 heard.append(latest(session, Decision, lambda decision: decision.sequence >= 3))
@@ -229,7 +246,9 @@ def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config) -
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(config, tap, number) -> None:
+def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(
+    config: RunOptions, tap: Tap, number: int
+) -> None:
     before = signal.getsignal(number)
     tap.in_mid_drive(lambda: signal.raise_signal(number))
     report = serve(changed(config, commands=1000))
@@ -242,7 +261,7 @@ def test_a_signal_in_the_middle_of_an_exchange_stops_the_robot(config, tap, numb
 
 
 def test_the_robot_stands_before_a_last_picture_is_waited_for(
-    config, tap, monkeypatch: pytest.MonkeyPatch
+    config: RunOptions, tap: Tap, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     speeds = []
 
@@ -257,13 +276,17 @@ def test_the_robot_stands_before_a_last_picture_is_waited_for(
     assert speeds[0] < 2 * STANDING  # its controllers settle when the stop is confirmed
 
 
-def test_a_keyboard_interrupt_from_elsewhere_stops_the_robot_too(config, tap) -> None:
+def test_a_keyboard_interrupt_from_elsewhere_stops_the_robot_too(
+    config: RunOptions, tap: Tap
+) -> None:
     tap.in_mid_drive(raising(KeyboardInterrupt()))
     assert serve(config).ending is Ending.INTERRUPTED
     tap.assert_stopped()
 
 
-def test_impatient_ctrl_c_at_every_request_does_not_prevent_the_stop(config, tap) -> None:
+def test_impatient_ctrl_c_at_every_request_does_not_prevent_the_stop(
+    config: RunOptions, tap: Tap
+) -> None:
     def interrupt() -> None:
         tap.meddle = lambda _: signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
@@ -275,8 +298,10 @@ def test_impatient_ctrl_c_at_every_request_does_not_prevent_the_stop(config, tap
     assert tap.requests[confirmed] == b"E\n"  # and seen to be true
 
 
-def test_a_signal_while_the_robot_is_being_stopped_waits_until_it_stands(config, tap) -> None:
-    def meddle(data) -> None:
+def test_a_signal_while_the_robot_is_being_stopped_waits_until_it_stands(
+    config: RunOptions, tap: Tap
+) -> None:
+    def meddle(data: bytes) -> None:
         if data.endswith(STOP) and tap.count(b"C") == 6:
             tap.meddle = lambda _: None
             signal.raise_signal(signal.SIGINT)
@@ -317,7 +342,7 @@ def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes() ->
     calls, came = 0, [True]
     while came:
         calls, came, raised = calls + 1, [], False
-        received = Queue()
+        received: Queue[bytes] = Queue()
         received.put(b"x")
         with Interruption():
             try:
@@ -336,10 +361,10 @@ def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes() ->
     assert calls > 3
 
 
-def signal_after(calls, came):
+def signal_after(calls: int, came: list[Any]) -> Callable[..., Any]:
     """A profile function that sends a signal after so many calls of C functions."""
 
-    def profile(_frame, event, _argument) -> None:
+    def profile(_frame: Any, event: str, _argument: Any) -> None:
         nonlocal calls
         calls -= event == "c_return"
         if calls == 0:
@@ -379,7 +404,9 @@ def test_signals_are_held_back_without_an_interruption_too() -> None:
         signal.signal(signal.SIGINT, before)
 
 
-def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(config, tap) -> None:
+def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(
+    config: RunOptions, tap: Tap
+) -> None:
     def lose() -> None:
         with suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGTERM)
@@ -390,7 +417,7 @@ def test_an_interrupt_that_got_lost_in_a_callback_still_ends_the_run(config, tap
     tap.assert_stopped()
 
 
-def test_a_run_in_another_thread_leaves_signals_alone(config) -> None:
+def test_a_run_in_another_thread_leaves_signals_alone(config: RunOptions) -> None:
     reports = []
     thread = threading.Thread(target=lambda: reports.append(serve(config)))
     thread.start()
@@ -403,10 +430,10 @@ class BlindAfter:
 
     live = False
 
-    def __init__(self, camera, pictures, error) -> None:
+    def __init__(self, camera: PortCamera, pictures: int, error: BaseException) -> None:
         self.camera, self.pictures, self.error = camera, pictures, error
 
-    def grab(self):
+    def grab(self) -> Frame:
         self.pictures -= 1
         if self.pictures < 0:
             raise self.error
@@ -418,11 +445,12 @@ class BlindAfter:
 
 @pytest.mark.parametrize("error", [CameraError("no picture"), ZeroDivisionError("a defect")])
 def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
-    config, tap, monkeypatch: pytest.MonkeyPatch, error
+    config: RunOptions, tap: Tap, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     real = CameraAddress.open
     monkeypatch.setattr(CameraAddress, "open", lambda *a, **k: BlindAfter(real(*a, **k), 3, error))
-    endpoint, said = free_endpoint(), SimpleQueue()
+    endpoint = free_endpoint()
+    said: SimpleQueue[zenoh.Sample] = SimpleQueue()
     with open_session([endpoint], []) as session:
         session.declare_subscriber("macor/khepera/state", said.put)
         with pytest.raises(type(error)):
@@ -434,7 +462,7 @@ def test_a_camera_that_fails_stops_the_robot_and_the_failure_is_published(
 
 
 def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(
-    config, tap, monkeypatch: pytest.MonkeyPatch
+    config: RunOptions, tap: Tap, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A defect where pictures are encoded, in mid-drive; the camera would never be missed."""
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
@@ -454,21 +482,23 @@ def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(
     tap.assert_stopped()
 
 
-def test_an_error_in_mid_drive_stops_the_robot(config, tap) -> None:
+def test_an_error_in_mid_drive_stops_the_robot(config: RunOptions, tap: Tap) -> None:
     tap.in_mid_drive(raising(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
         serve(config)
     tap.assert_stopped()
 
 
-def test_a_garbled_reply_in_mid_drive_is_asked_for_again(config, tap) -> None:
+def test_a_garbled_reply_in_mid_drive_is_asked_for_again(config: RunOptions, tap: Tap) -> None:
     tap.in_mid_drive(lambda: tap.port.reset_input_buffer() or tap.port.emulator.write(b"\x80\n"))
     assert serve(config).commands == 6
     assert tap.count(b"?") == 3  # to connect, for the garble, to stop
     tap.assert_stopped()
 
 
-def test_a_lost_link_is_said_as_clearly_as_that_no_stop_got_through(config, tap) -> None:
+def test_a_lost_link_is_said_as_clearly_as_that_no_stop_got_through(
+    config: RunOptions, tap: Tap
+) -> None:
     def cut() -> None:
         tap.meddle = raising(serial.SerialException("device disconnected"))
         raise serial.SerialException("device disconnected")
@@ -483,7 +513,7 @@ def test_a_lost_link_is_said_as_clearly_as_that_no_stop_got_through(config, tap)
     assert not tap.port.is_open
 
 
-def test_an_interrupt_without_a_confirmed_stop_is_an_error(config, tap) -> None:
+def test_an_interrupt_without_a_confirmed_stop_is_an_error(config: RunOptions, tap: Tap) -> None:
     def interrupt() -> None:
         tap.meddle = raising(serial.SerialException("device disconnected"))
         signal.raise_signal(signal.SIGINT)
@@ -493,14 +523,16 @@ def test_an_interrupt_without_a_confirmed_stop_is_an_error(config, tap) -> None:
         serve(config)
 
 
-def test_the_robot_is_stopped_when_there_is_no_such_camera(config, tap) -> None:
+def test_the_robot_is_stopped_when_there_is_no_such_camera(config: RunOptions, tap: Tap) -> None:
     with pytest.raises(CameraError, match="nonsense"):
         serve(changed(config, camera="nonsense"))
     assert tap.requests[-2:] == [STOP, b"E\n"]
     assert not tap.port.is_open
 
 
-def test_what_cannot_be_used_is_named_before_anything_moves(config, tap, tmp_path: Path) -> None:
+def test_what_cannot_be_used_is_named_before_anything_moves(
+    config: RunOptions, tap: Tap, tmp_path: Path
+) -> None:
     with pytest.raises(MapError, match="there is no map"):
         serve(changed(config, map_file=tmp_path / "none.npz"))
     with pytest.raises(MacorError, match=r"no planner 'bold'; there are anticipative, reactive"):
@@ -541,7 +573,7 @@ except MacorError as error:
 class Live:
     """An emulator on a pseudo-terminal, and a controller that drives it, as processes."""
 
-    def __init__(self, running, endpoint, map_file) -> None:
+    def __init__(self, running, endpoint: str, map_file: Path) -> None:
         self.running = running
         arguments = [running.path, str(map_file), endpoint]
         self.controller = subprocess.Popen(
@@ -549,7 +581,7 @@ class Live:
         )
 
     def wait_for_a_step(self) -> None:
-        line = self.controller.stdout.readline()
+        line = not_none(self.controller.stdout).readline()
         assert line == "step\n", line
 
     def last_words(self):
@@ -558,7 +590,7 @@ class Live:
 
 
 @pytest.fixture
-def live(map_file):
+def live(map_file: Path):
     endpoint = free_endpoint()
     with emulator("--listen", endpoint, "--drift", "none", "--baud", "57600") as running:
         driving = Live(running, endpoint, map_file)
@@ -572,7 +604,7 @@ def live(map_file):
 
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_real_controller_stops_a_real_line_at_a_signal(live, number) -> None:
+def test_a_real_controller_stops_a_real_line_at_a_signal(live, number: int) -> None:
     live.wait_for_a_step()
     with open_session([], [live.endpoint]) as session:
         bench = ZenohBench(session, "khepera")

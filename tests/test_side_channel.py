@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isclose
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import serial
 import zenoh
+from as_type import not_none
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.config import zenoh_config
@@ -22,6 +24,7 @@ from khepera_protocol.zenoh.payloads import (
     Stamp,
     Truth,
     Wire,
+    WireEntry,
 )
 
 from khepera_emulator.app.side_channel import SideChannel
@@ -33,13 +36,13 @@ START = load_arena("corridor").start
 
 
 @contextmanager
-def session(listen: tuple[()] = (), connect: list[str] = ()):
+def session(listen: tuple[()] = (), connect: list[str] = ()) -> Iterator[zenoh.Session]:
     with zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect))) as opened:
         yield opened
 
 
 @pytest.fixture(scope="module")
-def endpoint():
+def endpoint() -> Iterator[str]:
     """The endpoint of an emulator."""
     place = free_endpoint()
     with emulator(*("--listen", place, "--seed", "1", "--camera-rate", "50")):
@@ -47,47 +50,47 @@ def endpoint():
 
 
 @pytest.fixture
-def peer(endpoint):
+def peer(endpoint: str) -> Iterator[zenoh.Session]:
     """A session that knows the emulator."""
     with session(connect=[endpoint]) as opened:
         wait_for(opened, "khepera/khepera/alive")
         yield opened
 
 
-def wait_for(opened, key: str) -> None:
+def wait_for(opened: zenoh.Session, key: str) -> None:
     """Return when a liveliness token is there."""
-    alive = Queue()
+    alive: Queue[zenoh.Sample] = Queue()
     with opened.liveliness().declare_subscriber(key, alive.put, history=True):
         assert alive.get(timeout=PATIENCE).kind == zenoh.SampleKind.PUT
 
 
-def query(peer, leaf, payload=None):
+def query(peer: zenoh.Session, leaf: str, payload: str | None = None) -> zenoh.Reply:
     (reply,) = peer.get(f"khepera/khepera/{leaf}", payload=payload, timeout=PATIENCE)
     return reply
 
 
-def sample_of(peer, leaf, payload=None):
+def sample_of(peer: zenoh.Session, leaf: str, payload: str | None = None) -> zenoh.Sample:
     reply = query(peer, leaf, payload)
-    assert reply.ok is not None, reply.err.payload.to_string()
+    assert reply.ok is not None, not_none(reply.err).payload.to_string()
     return reply.ok
 
 
-def refusal_of(peer, leaf, payload):
+def refusal_of(peer: zenoh.Session, leaf: str, payload: str | None) -> str:
     reply = query(peer, leaf, payload)
     assert reply.ok is None
-    return reply.err.payload.to_string()
+    return not_none(reply.err).payload.to_string()
 
 
-def truth_of(sample) -> Truth:
+def truth_of(sample: zenoh.Sample) -> Truth:
     assert str(sample.encoding) == "application/json;khepera.Truth"
     return Truth.model_validate_json(sample.payload.to_bytes())
 
 
-def stamp_of(sample):
-    return Stamp.model_validate_json(sample.attachment.to_bytes())
+def stamp_of(sample: zenoh.Sample) -> Stamp:
+    return Stamp.model_validate_json(not_none(sample.attachment).to_bytes())
 
 
-def decode(sample):
+def decode(sample: zenoh.Sample) -> np.ndarray:
     return cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_COLOR)
 
 
@@ -114,7 +117,9 @@ class TestLifetime:
 
 class TestCamera:
     @pytest.mark.parametrize("request_payload", [None, "{}", '{"view": "mirror"}'])
-    def test_gives_a_lossless_mirror_image(self, peer, request_payload: str | None) -> None:
+    def test_gives_a_lossless_mirror_image(
+        self, peer: zenoh.Session, request_payload: str | None
+    ) -> None:
         sample = sample_of(peer, "camera", request_payload)
         assert sample.encoding == zenoh.Encoding.IMAGE_PNG
         image = decode(sample)
@@ -122,13 +127,13 @@ class TestCamera:
         assert not image[0, 0].any()  # outside the mirror
         assert image[Mirror().height // 4, Mirror().width // 2].any()
 
-    def test_gives_a_panorama_as_jpeg(self, peer) -> None:
+    def test_gives_a_panorama_as_jpeg(self, peer: zenoh.Session) -> None:
         sample = sample_of(peer, "camera", '{"view": "panorama", "encoding": "jpeg"}')
         assert sample.encoding == zenoh.Encoding.IMAGE_JPEG
         height, width, _ = decode(sample).shape
         assert width > height
 
-    def test_shows_the_moment_of_the_query(self, peer) -> None:
+    def test_shows_the_moment_of_the_query(self, peer: zenoh.Session) -> None:
         sample_of(peer, "reset", json.dumps({"seed": 3}))
         ahead = decode(sample_of(peer, "camera")).astype(int)
         again = decode(sample_of(peer, "camera")).astype(int)
@@ -147,12 +152,12 @@ class TestCamera:
         ],
     )
     def test_refuses_what_it_does_not_understand(
-        self, peer, payload: bytes | str, sentence: str
+        self, peer: zenoh.Session, payload: bytes | str, sentence: str
     ) -> None:
         assert refusal_of(peer, "camera", payload).startswith(sentence)
 
-    def test_streams_numbered_frames_while_someone_listens(self, peer) -> None:
-        frames = Queue()
+    def test_streams_numbered_frames_while_someone_listens(self, peer: zenoh.Session) -> None:
+        frames: Queue[zenoh.Sample] = Queue()
         with peer.declare_subscriber("khepera/khepera/camera", frames.put):
             seen = [frames.get(timeout=PATIENCE) for _ in range(3)]
         assert {str(frame.encoding) for frame in seen} == {"image/jpeg"}
@@ -166,33 +171,33 @@ class TestCamera:
 
 
 class TestTruth:
-    def test_is_told_with_its_time_and_number(self, peer) -> None:
+    def test_is_told_with_its_time_and_number(self, peer: zenoh.Session) -> None:
         samples = [sample_of(peer, "truth") for _ in range(2)]
         first, second = map(stamp_of, samples)
         assert second.sequence == first.sequence + 1
         assert second.time > first.time
         assert truth_of(samples[0]).time == first.time
 
-    def test_is_streamed_while_someone_listens(self, peer) -> None:
-        truths = Queue()
+    def test_is_streamed_while_someone_listens(self, peer: zenoh.Session) -> None:
+        truths: Queue[zenoh.Sample] = Queue()
         with peer.declare_subscriber("khepera/khepera/truth", truths.put):
             seen = [truths.get(timeout=PATIENCE) for _ in range(2)]
         assert truth_of(seen[1]).time > truth_of(seen[0]).time
 
 
 class TestReset:
-    def test_puts_the_robot_where_it_is_told(self, peer) -> None:
+    def test_puts_the_robot_where_it_is_told(self, peer: zenoh.Session) -> None:
         wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
         truth = truth_of(sample_of(peer, "reset", json.dumps({"pose": wanted})))
         assert truth.pose.model_dump() == pytest.approx(wanted)
         assert truth_of(sample_of(peer, "truth")).pose == truth.pose
 
-    def test_goes_to_the_start_by_default(self, peer) -> None:
+    def test_goes_to_the_start_by_default(self, peer: zenoh.Session) -> None:
         pose = truth_of(sample_of(peer, "reset", "{}")).pose
         assert (pose.x, pose.y) == (START.x, START.y)
 
     @pytest.mark.parametrize("payload", [None, ""])
-    def test_takes_a_payload_that_says_so(self, peer, payload: str | None) -> None:
+    def test_takes_a_payload_that_says_so(self, peer: zenoh.Session, payload: str | None) -> None:
         assert refusal_of(peer, "reset", payload) == (
             "khepera/khepera/reset takes a payload that says what to do, if only {}: a Reset in"
             " JSON, see docs/keys.md"
@@ -203,7 +208,7 @@ class TestReset:
     )
     @pytest.mark.parametrize("payload", [None, "{}"])
     def test_does_not_come_from_a_look_around(
-        self, peer, selector: str, payload: str | None
+        self, peer: zenoh.Session, selector: str, payload: str | None
     ) -> None:
         wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
         sample_of(peer, "reset", json.dumps({"pose": wanted}))
@@ -214,7 +219,7 @@ class TestReset:
         assert ("khepera/khepera/truth" in told) == ("re" not in selector)
         assert truth_of(sample_of(peer, "truth")).pose.model_dump() == pytest.approx(wanted)
 
-    def test_with_a_seed_depends_on_nothing_before(self, peer) -> None:
+    def test_with_a_seed_depends_on_nothing_before(self, peer: zenoh.Session) -> None:
         request = json.dumps({"seed": 7, "random": True})
         first = truth_of(sample_of(peer, "reset", request))
         truth_of(sample_of(peer, "reset", json.dumps({"random": True})))
@@ -240,7 +245,9 @@ class TestReset:
             (" " * 20_000, "the payload has 20,000 bytes, and 10,000 at most are read"),
         ],
     )
-    def test_refuses_clearly_and_changes_nothing(self, peer, payload: str, sentence: str) -> None:
+    def test_refuses_clearly_and_changes_nothing(
+        self, peer: zenoh.Session, payload: str, sentence: str
+    ) -> None:
         before = truth_of(sample_of(peer, "reset", "{}"))
         assert refusal_of(peer, "reset", payload).startswith(sentence)
         assert truth_of(sample_of(peer, "truth")).pose == before.pose
@@ -248,7 +255,7 @@ class TestReset:
     @pytest.mark.parametrize("field", ["x", "y", "heading"])
     @pytest.mark.parametrize("value", ["1e308", "-1e155", "1e400", "NaN"])
     def test_numbers_beyond_all_bounds_do_not_end_the_emulator(
-        self, peer, field: str, value: str
+        self, peer: zenoh.Session, field: str, value: str
     ) -> None:
         pose = {"x": "0.3", "y": "0.0", "heading": "0.0", field: value}
         fields = ", ".join(f'"{name}": {number}' for name, number in pose.items())
@@ -276,12 +283,12 @@ class TestTogether:
             assert pose.x >= START.x + moved * 0.08e-3
             assert isclose(pose.y, START.y, abs_tol=1e-3)
 
-    def test_peers_find_each_other_through_the_emulator(self, endpoint) -> None:
+    def test_peers_find_each_other_through_the_emulator(self, endpoint: str) -> None:
         with (
             session(listen=[free_endpoint()], connect=[endpoint]) as controller,
             session(connect=[endpoint]) as monitor,
         ):
-            found = Queue()
+            found: Queue[zenoh.Sample] = Queue()
             token = controller.liveliness().declare_token("macor/khepera/alive")
             with monitor.liveliness().declare_subscriber(
                 "macor/khepera/alive", found.put, history=True
@@ -296,7 +303,7 @@ class TestTogether:
                 with session(listen=[later]) as peer:
                     wait_for(peer, "khepera/khepera/alive")
 
-    def test_endpoint_in_use_is_one_sentence(self, endpoint) -> None:
+    def test_endpoint_in_use_is_one_sentence(self, endpoint: str) -> None:
         second = subprocess.run(
             [*COMMAND, "--listen", endpoint],
             capture_output=True,
@@ -311,7 +318,7 @@ class TestTogether:
 
 
 class TestArena:
-    def test_is_told_to_be_drawn(self, peer) -> None:
+    def test_is_told_to_be_drawn(self, peer: zenoh.Session) -> None:
         outline = Outline.model_validate_json(sample_of(peer, "arena").payload.to_bytes())
         assert outline.title == load_arena("corridor").title
         assert (outline.start.x, outline.start.y) == (START.x, START.y)
@@ -330,11 +337,12 @@ class TestWire:
             session(connect=[place]) as peer,
             serial.Serial(robot.path, 9600, timeout=PATIENCE) as port,
         ):
-            samples = Queue()
+            samples: Queue[zenoh.Sample] = Queue()
             peer.declare_subscriber("khepera/khepera/wire", samples.put)
             port.write(b"B\n")
             assert port.readline().startswith(b"b,")
-            entries, replies = [], ""
+            entries: list[WireEntry] = []
+            replies = ""
             while not replies.endswith("\n"):
                 wire = Wire.model_validate_json(samples.get(timeout=PATIENCE).payload.to_bytes())
                 assert wire.first == len(entries)

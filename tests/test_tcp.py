@@ -5,9 +5,11 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from typing import Any
 
 import pytest
 import serial
+from as_type import not_none
 from serial import rfc2217
 
 from khepera_emulator.errors import EmulatorError
@@ -31,7 +33,7 @@ def port(request: pytest.FixtureRequest) -> Iterator[Rfc2217Port | TcpPort]:
 
 
 @contextmanager
-def client(port: Rfc2217Port | TcpPort, **options) -> Iterator[socket.socket]:
+def client(port: Rfc2217Port | TcpPort, **options: Any) -> Iterator[socket.socket]:
     host, number = tcp_address(port.url.partition("//")[2])
     with socket.create_connection((host, number), timeout=PATIENCE, **options) as connection:
         yield connection
@@ -39,7 +41,7 @@ def client(port: Rfc2217Port | TcpPort, **options) -> Iterator[socket.socket]:
 
 def received(port: Rfc2217Port | TcpPort, count: int, limit: int = MUCH) -> list[bytes]:
     """Return what clients do, until there are so many bytes and goodbyes of it."""
-    chunks = []
+    chunks: list[bytes] = []
     while sum(len(chunk) or 1 for chunk in chunks) < count:
         assert select.select(port.descriptors(room=True), (), (), PATIENCE)[0]
         chunks += port.receive(limit)
@@ -223,7 +225,7 @@ class TestClients:
 
         thread = threading.Thread(target=write_and_leave)
         thread.start()
-        chunks = []
+        chunks: list[bytes] = []
         while thread.is_alive():  # the line has room for nothing of it
             chunks += port.receive(0, answered=False)
         with client(port) as second:
@@ -269,7 +271,7 @@ class TestClients:
                 assert port.receive(0, answered=False) == []
             with client(port) as second:
                 second.sendall(b"H\n")
-                chunks = []
+                chunks: list[bytes] = []
                 while b"" not in chunks:
                     chunks += port.receive(0, answered=False)
                 assert received(port, 2) == [b"H\n"]
@@ -402,7 +404,7 @@ class TestTelnet:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             admitted(port)
             connection.setblocking(False)
-            goodbye = []
+            goodbye: list[bytes] = []
             while not goodbye:
                 select.select((), (connection,), (), 0.01)
                 with suppress(OSError):
@@ -431,7 +433,7 @@ class TestTelnet:
             admitted(port)
             connection.sendall(b"N\n" * 50_000)
             connection.sendall(setting(rfc2217.SET_BAUDRATE, (38400).to_bytes(4, "big")))
-            while port.settings().baud != 38400:
+            while not_none(port.settings()).baud != 38400:
                 assert select.select(port.descriptors(room=False), (), (), PATIENCE)[0]
                 assert port.receive(0) == []
             assert port.receive(4) == [b"N\nN\n"]

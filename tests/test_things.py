@@ -1,13 +1,15 @@
 """Things that robots push: how they move, who sees them, and that the seed decides it all."""
 
+from collections.abc import Callable, Iterator
 from math import degrees, hypot, pi, radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet
 import pytest
 from khepera_protocol.mirror import Mirror
-from khepera_protocol.zenoh.payloads import Pose, Reset, WheelDrift
+from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, Solid, Truth, WheelDrift
 from test_khepera_url import ask, open_port, session
 from worlds import arena
 
@@ -33,10 +35,7 @@ class Bench:
     """A robot among things, driven without a serial line."""
 
     def __init__(
-        self,
-        *things: dict[str, float | list[float] | str],
-        pose: Pose = ORIGIN,
-        **parts: list[dict[str, object]],
+        self, *things: dict[str, float | list[float] | str], pose: Pose = ORIGIN, **parts: Any
     ) -> None:
         self.world = World(arena(object=list(things), **parts))
         self.robot = Robot(self.world, KHEPERA, pose, IDEAL, np.random.default_rng(0))
@@ -53,12 +52,10 @@ class Bench:
 
 
 @pytest.fixture
-def bench():
+def bench() -> Iterator[Callable[..., Bench]]:
     made = []
 
-    def make(
-        *things: dict[str, float | list[float] | str], **parts: Pose | list[dict[str, object]]
-    ) -> Bench:
+    def make(*things: dict[str, float | list[float] | str], **parts: Any) -> Bench:
         made.append(Bench(*things, **parts))
         return made[-1]
 
@@ -70,7 +67,7 @@ def bench():
 @pytest.mark.parametrize("thing", [BOX, POST, BALL], ids=lambda thing: thing["shape"])
 class TestPushing:
     def test_moves_a_thing_ahead_of_the_robot(
-        self, bench, thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
     ) -> None:
         made = bench(thing)
         made.drive(5, 4.0)
@@ -83,7 +80,7 @@ class TestPushing:
         assert made.robot.touched
 
     def test_ends_when_the_robot_stops(
-        self, bench, thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
     ) -> None:
         made = bench(thing)
         made.drive(10, 1.3)
@@ -95,7 +92,7 @@ class TestPushing:
         assert (made.things[0].x, made.things[0].y) == pytest.approx(place, abs=1e-6)
 
     def test_leaves_it_upright_on_the_floor(
-        self, bench, thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
     ) -> None:
         made = bench(thing, pose=Pose(x=0.0, y=0.012, heading=0.0))
         made.drive(15, 1.5)
@@ -108,7 +105,7 @@ class TestPushing:
         assert pybullet.getEulerFromQuaternion(turn)[:2] == pytest.approx((0.0, 0.0), abs=0.01)
 
     def test_stops_at_a_wall_and_so_does_the_robot(
-        self, bench, thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
     ) -> None:
         made = bench(thing, wall=[{"points": [[0.205, -1.0], [0.205, 1.0]]}])
         made.drive(10, 4.0)
@@ -118,7 +115,7 @@ class TestPushing:
         assert gap == pytest.approx(KHEPERA.radius, abs=0.001)
 
     def test_nothing_moves_before_it_is_touched(
-        self, bench, thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
     ) -> None:
         made = bench(thing)
         made.drive(5, 0.8)
@@ -126,7 +123,7 @@ class TestPushing:
         assert (made.things[0].x, made.things[0].y) == tuple(thing["centre"])
 
 
-def test_a_ball_rolls_on_and_a_box_does_not(bench) -> None:
+def test_a_ball_rolls_on_and_a_box_does_not(bench: Callable[..., Bench]) -> None:
     ways = []
     for thing in (BALL, BOX):
         made = bench(thing)
@@ -138,13 +135,13 @@ def test_a_ball_rolls_on_and_a_box_does_not(bench) -> None:
     assert ways[0] > 0.03 > 0.015 > ways[1]
 
 
-def test_a_box_pushed_at_its_edge_turns(bench) -> None:
+def test_a_box_pushed_at_its_edge_turns(bench: Callable[..., Bench]) -> None:
     made = bench(BOX, pose=Pose(x=0.0, y=0.018, heading=0.0))
     made.drive(5, 4.0)
     assert degrees(made.things[0].heading) < -10
 
 
-def test_a_heavy_thing_holds_a_robot(bench) -> None:
+def test_a_heavy_thing_holds_a_robot(bench: Callable[..., Bench]) -> None:
     made = bench({**BOX, "mass": 3.0})
     made.drive(10, 3.0)
     assert made.things[0].x < 0.103
@@ -173,7 +170,7 @@ def test_a_robot_that_has_stopped_at_something_rests(
     world.close()
 
 
-def test_a_thing_pushes_the_next(bench) -> None:
+def test_a_thing_pushes_the_next(bench: Callable[..., Bench]) -> None:
     made = bench(POST, {**BALL, "centre": [0.16, 0.0]})
     made.drive(10, 2.0)
     post, ball = made.things
@@ -181,7 +178,9 @@ def test_a_thing_pushes_the_next(bench) -> None:
     assert ball.x > post.x + 0.0125 + 0.02 - 0.001
 
 
-def test_a_robot_in_the_open_drives_as_exactly_as_without_things(bench) -> None:
+def test_a_robot_in_the_open_drives_as_exactly_as_without_things(
+    bench: Callable[..., Bench],
+) -> None:
     alone, among = bench(), bench({**BALL, "centre": [0.5, 0.5]})
     for made in (alone, among):
         made.robot.wheels[0].drive_speed(7)
@@ -191,7 +190,9 @@ def test_a_robot_in_the_open_drives_as_exactly_as_without_things(bench) -> None:
     assert among.robot.wheels[0].counter == alone.robot.wheels[0].counter
 
 
-def test_a_robot_in_the_open_drives_exactly_while_something_rolls(bench) -> None:
+def test_a_robot_in_the_open_drives_exactly_while_something_rolls(
+    bench: Callable[..., Bench],
+) -> None:
     made, alone = bench(BALL), bench()
     (ball,) = made.world.things
     pybullet.resetBaseVelocity(ball.body, [0.3, 0.1, 0], physicsClientId=made.world.client)
@@ -205,7 +206,7 @@ def test_a_robot_in_the_open_drives_exactly_while_something_rolls(bench) -> None
     assert made.robot.chassis.pose == alone.robot.chassis.pose
 
 
-def test_time_passes_for_a_rolling_ball_while_the_robot_rests(bench) -> None:
+def test_time_passes_for_a_rolling_ball_while_the_robot_rests(bench: Callable[..., Bench]) -> None:
     made = bench(BALL)
     (ball,) = made.world.things
     pybullet.resetBaseVelocity(ball.body, [0.2, 0, 0], physicsClientId=made.world.client)
@@ -262,7 +263,7 @@ def test_clearance_is_the_distance_that_a_ray_finds() -> None:
             assert clearance - 1e-9 <= distances.min() <= clearance + 1.2e-3
 
 
-def test_proximity_sees_a_thing_where_it_is_now(bench) -> None:
+def test_proximity_sees_a_thing_where_it_is_now(bench: Callable[..., Bench]) -> None:
     white, black = (
         bench({**BOX, "centre": [0.065, 0.0], "colour": [shade] * 3}) for shade in (1.0, 0.0)
     )
@@ -275,7 +276,7 @@ def test_proximity_sees_a_thing_where_it_is_now(bench) -> None:
     assert max(white.robot.proximity()) < 50
 
 
-def test_a_thing_throws_a_shadow_and_a_lamp_is_seen(bench) -> None:
+def test_a_thing_throws_a_shadow_and_a_lamp_is_seen(bench: Callable[..., Bench]) -> None:
     lamp = [{"centre": [0.3, 0.0]}]
     free, shaded = bench(lamp=lamp), bench(BOX, lamp=lamp)
     assert max(free.robot.ambient()[2:4]) < 420
@@ -291,7 +292,7 @@ def test_a_thing_throws_a_shadow_and_a_lamp_is_seen(bench) -> None:
     assert abs(changed.mean(axis=0)[1] - 119.5) < 3
 
 
-def test_the_camera_sees_a_thing_where_it_is_now(bench) -> None:
+def test_the_camera_sees_a_thing_where_it_is_now(bench: Callable[..., Bench]) -> None:
     made = bench({**BOX, "colour": [1, 0, 0]})
     camera = OmniCamera(made.world, np.random.default_rng(0), noise=0.0)
 
@@ -345,13 +346,13 @@ def test_a_seeded_reset_puts_everything_back(url: str) -> None:
         assert session(used, Reset(seed=7)) == expected
 
 
-def open_outline(url):
+def open_outline(url: str) -> list[Solid]:
     with open_port(url) as port:
         return port.emulator.outline().solids[-2:]
 
 
 def test_how_time_is_cut_makes_no_difference(url: str) -> None:
-    def drive(steps: int):
+    def drive(steps: int) -> tuple[bytes, Truth, Outline]:
         with open_port(url) as port:
             port.write(b"D,10,9\nN\nH\n")
             for step in range(steps):

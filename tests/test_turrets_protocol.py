@@ -35,7 +35,7 @@ def test_the_table_is_that_of_the_specification() -> None:
 
 
 @st.composite
-def messages(draw) -> tuple[TurretKind, TurretMessage, list[Any]]:
+def messages(draw: st.DrawFn) -> tuple[TurretKind, TurretMessage, list[Any]]:
     kind = TURRETS[draw(st.sampled_from(["gripper", "k213", "radio"]))]
     message = kind.messages[draw(st.sampled_from(sorted(kind.messages)))]
     numbers = [draw(st.integers(field.low, field.high)) for field in message.request]

@@ -172,8 +172,8 @@ class ByteByByte:
         self.busy = INTERPRETER_TIME if rate else 0.0
         self.free = self.line_free = 0.0
         self.lost = 0
-        self.arriving = deque()
-        self.held = deque()
+        self.arriving: deque[tuple[float, int]] = deque()
+        self.held: deque[tuple[float, int]] = deque()
         self.line = b""
 
     def receive(self, data: bytes, now: float) -> None:
@@ -244,7 +244,8 @@ def test_replies_may_be_taken_in_any_portions(
     steps: list[tuple[bytes, float, int]], rate: int | None
 ) -> None:
     whole, pieces = Uart(rate), Uart(rate)
-    when, times, taken = 0.0, [], b""
+    when, taken = 0.0, b""
+    times: list[float] = []
     for data, wait, count in steps:
         when = on_grid(when + wait)
         for uart in (whole, pieces):

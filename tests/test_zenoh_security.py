@@ -2,14 +2,17 @@
 
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import zenoh
+from click.testing import Result
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
 from khepera_protocol.zenoh.config import MOST_MESSAGE
 from khepera_protocol.zenoh.session import read_configuration
@@ -38,13 +41,13 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory):
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Certificates, and the examples with a free port and paths of these."""
     folder = tmp_path_factory.mktemp("zenoh")
     subprocess.run(["sh", str(DOCS / "certificates.sh"), str(folder / "certificates")], check=True)
     port = free_endpoint().rpartition(":")[2]
 
-    def write(name, example, **changes) -> None:
+    def write(name: str, example: str, **changes: str) -> None:
         text = (DOCS / example).read_text().replace("7446", port)
         text = text.replace('"certificates/', f'"{folder}/certificates/')
         for old, new in changes.items():
@@ -73,32 +76,32 @@ def folder(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.fixture(scope="module")
-def router(folder):
+def router(folder: Path) -> Iterator[zenoh.Session]:
     with zenoh.open(zenoh.Config.from_file(str(folder / "router.json5"))) as session:
         yield session
 
 
 @contextmanager
-def sessions(folder, *names):
+def sessions(folder: Path, *names: str) -> Iterator[list[zenoh.Session]]:
     with ExitStack() as stack:
         yield [
             stack.enter_context(open_session([], [], folder / f"{name}.json5")) for name in names
         ]
 
 
-def heard(session, key):
-    queue = SimpleQueue()
+def heard(session: zenoh.Session, key: str):
+    queue: SimpleQueue[zenoh.Sample] = SimpleQueue()
     session.declare_subscriber(key, queue.put)
     return queue
 
 
-def nothing(queue):
+def nothing(queue: Any) -> bool:
     with pytest.raises(Empty):
         queue.get(timeout=SILENCE)
     return True
 
 
-def test_a_watcher_hears_the_controller_and_may_ask(folder) -> None:
+def test_a_watcher_hears_the_controller_and_may_ask(folder: Path) -> None:
     with sessions(folder, "controller", "watcher") as (controller, watcher):
         queue = heard(watcher, "macor/khepera/decision")
         wait_until_watched(controller, "macor/khepera/decision")
@@ -106,8 +109,8 @@ def test_a_watcher_hears_the_controller_and_may_ask(folder) -> None:
         assert queue.get(timeout=PATIENCE).payload.to_string() == "left"
 
 
-def test_a_watcher_can_neither_publish_nor_stop(folder) -> None:
-    stops = []
+def test_a_watcher_can_neither_publish_nor_stop(folder: Path) -> None:
+    stops: list[str] = []
     with (
         sessions(folder, "controller", "watcher", "controller") as (controller, watcher, other),
         StopKey(controller, "khepera", stops.append),
@@ -124,21 +127,22 @@ def test_a_watcher_can_neither_publish_nor_stop(folder) -> None:
         assert stops
 
 
-def test_a_watcher_cannot_be_taken_for_the_camera(folder) -> None:
-    def picture_of(level):
+def test_a_watcher_cannot_be_taken_for_the_camera(folder: Path) -> None:
+    def picture_of(level: int) -> bytes:
         image = np.zeros((16, 16, 3), np.uint8)
         image[:8] = level
         return cv2.imencode(".png", image)[1].tobytes()
 
-    def answering(session, level, asked):
-        def answer(query) -> None:
+    def answering(session: zenoh.Session, level: int, asked: list[Any]) -> zenoh.Queryable:
+        def answer(query: zenoh.Query) -> None:
             with query:
                 asked.append(1)
                 query.reply("khepera/khepera/camera", picture_of(level))
 
         return session.declare_queryable("khepera/khepera/camera", answer, complete=True)
 
-    asked, stranger_asked = [], []
+    asked: list[zenoh.Query] = []
+    stranger_asked: list[zenoh.Query] = []
     with (
         sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher),
         answering(watcher, 50, stranger_asked),
@@ -152,11 +156,11 @@ def test_a_watcher_cannot_be_taken_for_the_camera(folder) -> None:
     assert not stranger_asked
 
 
-def macor_hil(*arguments):
+def macor_hil(*arguments: int | Path | str) -> Result:
     return CliRunner(env={"COLUMNS": "80"}).invoke(cli.app, list(map(str, arguments)))
 
 
-def test_a_watcher_can_use_the_monitor_and_the_recorder(folder, tmp_path: Path) -> None:
+def test_a_watcher_can_use_the_monitor_and_the_recorder(folder: Path, tmp_path: Path) -> None:
     watcher = "--zenoh-config", folder / "watcher.json5"
     with sessions(folder, "controller") as (session,), Publisher(session, "khepera") as publisher:
         publisher.state(a_state(driven=3), 1.0)
@@ -171,7 +175,9 @@ def test_a_watcher_can_use_the_monitor_and_the_recorder(folder, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("name", "heard_of"), [("watcher", False), ("controller", True)])
-def test_only_who_may_publish_can_replay(folder, tmp_path: Path, name: str, heard_of: bool) -> None:
+def test_only_who_may_publish_can_replay(
+    folder: Path, tmp_path: Path, name: str, heard_of: bool
+) -> None:
     with Recorder(tmp_path / "drive.mcap", "khepera") as recorder:
         for event in a_life(1):
             recorder.write(event)
@@ -183,8 +189,8 @@ def test_only_who_may_publish_can_replay(folder, tmp_path: Path, name: str, hear
         assert queue.get(timeout=PATIENCE) if heard_of else nothing(queue)
 
 
-def test_a_watcher_s_stop_is_not_taken(folder) -> None:
-    stops = []
+def test_a_watcher_s_stop_is_not_taken(folder: Path) -> None:
+    stops: list[str] = []
     with (
         sessions(folder, "controller") as (session,),
         StopKey(session, "khepera", stops.append),
@@ -196,10 +202,10 @@ def test_a_watcher_s_stop_is_not_taken(folder) -> None:
         assert stops
 
 
-def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder) -> None:
+def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder: Path) -> None:
     with sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher):
 
-        def answer(query) -> None:
+        def answer(query: zenoh.Query) -> None:
             with query:
                 query.reply("khepera/khepera/reset", "done")
 
@@ -220,7 +226,7 @@ def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder) -> None:
         ("plain", "a program listens on tcp/127.0.0.1:.*, and does not let this one in"),
     ],
 )
-def test_who_gets_nothing_is_told_why(folder, name: str, reason: str) -> None:
+def test_who_gets_nothing_is_told_why(folder: Path, name: str, reason: str) -> None:
     config = folder / f"{name}.json5"
     with (
         pytest.raises(TelemetryError, match=f"{name}.json5 says: .*{reason}") as failure,
@@ -231,7 +237,9 @@ def test_who_gets_nothing_is_told_why(folder, name: str, reason: str) -> None:
 
 
 @pytest.mark.parametrize("opened", [open_session, emulator_session])
-def test_a_file_that_cannot_be_used_is_named(tmp_path: Path, folder, opened) -> None:
+def test_a_file_that_cannot_be_used_is_named(
+    tmp_path: Path, folder: Path, opened: Callable[..., Any]
+) -> None:
     (tmp_path / "cake.json5").write_text("flour")
     text = (folder / "watcher.json5").read_text()
     for name, old in (("ca", "ca.pem"), ("key", "watcher.key")):

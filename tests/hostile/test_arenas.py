@@ -2,9 +2,11 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import resources
 from math import isfinite, radians
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hostile_inputs import Hostile
@@ -51,7 +53,7 @@ SUITS_ALL = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 
 
 @st.composite
-def damaged(draw, files: list[bytes] = FILES, nasty: list[bytes] = NASTY) -> bytes:
+def damaged(draw: st.DrawFn, files: list[bytes] = FILES, nasty: list[bytes] = NASTY) -> bytes:
     """A file with a few bytes cut, doubled, bent or replaced."""
     data = draw(st.sampled_from(files))
     for _ in range(draw(st.integers(1, 4))):
@@ -62,7 +64,7 @@ def damaged(draw, files: list[bytes] = FILES, nasty: list[bytes] = NASTY) -> byt
     return data[: draw(st.integers(0, len(data)))] if draw(st.booleans()) else data
 
 
-def refusal(attempt, *arguments: object) -> str:
+def refusal(attempt: Callable[..., Any], *arguments: object) -> str:
     """The sentence in which something is refused; empty if it is not."""
     try:
         attempt(*arguments)
@@ -217,7 +219,7 @@ PARTS = {
 
 
 @st.composite
-def arenas(draw) -> Arena:
+def arenas(draw: st.DrawFn) -> Arena:
     """An arena with everything at its bounds, or in one heap, or one in the other."""
     parts = {name: draw(st.lists(part, max_size=3)) for name, part in PARTS.items()}
     free = {

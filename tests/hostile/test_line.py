@@ -11,15 +11,17 @@ import socket
 import struct
 import sys
 import termios
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
 from hostile_inputs import Hostile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from in_process import open_robot
 from serial import rfc2217
 
 import khepera_emulator  # noqa: F401 - registers khepera://
@@ -171,7 +173,7 @@ class TestOptions:
         capfd: pytest.CaptureFixture[str],
         hostile: Hostile,
         tmp_path: Path,
-    ):
+    ) -> Callable[..., tuple[int, str]]:
         """Run a command that would serve a robot, and give its status; it serves nobody."""
         monkeypatch.setattr(daemon.Daemon, "run", lambda _: None)
         monkeypatch.chdir(tmp_path)
@@ -195,21 +197,30 @@ class TestOptions:
 
     @pytest.mark.parametrize("option", NUMBERED)
     @pytest.mark.parametrize("value", [each for each in NUMBERS if "\0" not in each])
-    def test_numbers_are_taken_or_refused(self, starts, option: str, value: str) -> None:
+    def test_numbers_are_taken_or_refused(
+        self, starts: Callable[..., tuple[int, str]], option: str, value: str
+    ) -> None:
         starts(f"{option}={value}")
 
     @pytest.mark.parametrize("option", TEXTS)
     @pytest.mark.parametrize(
         "value", ["", "x" * 5000, "1" * 5000, "\x1b[31m", "\udcff", "a=\u2028"]
     )
-    def test_texts_are_refused(self, starts, option: str, value: str) -> None:
+    def test_texts_are_refused(
+        self, starts: Callable[..., tuple[int, str]], option: str, value: str
+    ) -> None:
         assert starts(f"{option}={value}")[0] == 2
 
     @pytest.mark.parametrize("option", ["--link", "--record", "--fault-script", "--arena"])
     @pytest.mark.parametrize("robots", ["1", "2"])
     @pytest.mark.parametrize("value", PATHS)
     def test_paths_are_refused_in_one_sentence(
-        self, starts, tmp_path: Path, option: str, robots: str, value: str
+        self,
+        starts: Callable[..., tuple[int, str]],
+        tmp_path: Path,
+        option: str,
+        robots: str,
+        value: str,
     ) -> None:
         status, said = starts("--arena", "open-box", "--robots", robots, f"{option}={value}")
         if option == "--link" and "\x1b" in value:  # a name like others: its folder is made
@@ -220,7 +231,9 @@ class TestOptions:
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("option", ["--link", "--record"])
-    def test_what_is_there_already_is_kept(self, starts, tmp_path: Path, option: str) -> None:
+    def test_what_is_there_already_is_kept(
+        self, starts: Callable[..., tuple[int, str]], tmp_path: Path, option: str
+    ) -> None:
         folder, below = tmp_path / "folder", tmp_path / "file" / "below"
         folder.mkdir()
         below.parent.write_text("precious")
@@ -252,7 +265,7 @@ class TestUrls:
             hostile.count("khepera:// URLs")
             query = "&".join(f"{key}={value}" for key, value in options)
             try:
-                port = serial.serial_for_url(f"khepera://{name}?{query}", timeout=1)
+                port = open_robot(f"khepera://{name}?{query}", timeout=1)
             except serial.SerialException as error:
                 check_sentence(error)
                 return
@@ -269,13 +282,13 @@ class TestUrls:
     ) -> None:
         hostile.count("khepera:// URLs")
         with pytest.raises(serial.SerialException) as refused:
-            serial.serial_for_url(f"khepera://open-box?{name}={value}")
+            open_robot(f"khepera://open-box?{name}={value}")
         check_sentence(refused.value)
 
     def test_with_faults_without_number_are_refused(self, hostile: Hostile) -> None:
         hostile.count("khepera:// URLs")
         with pytest.raises(serial.SerialException, match="a line takes 1,000 at most"):
-            serial.serial_for_url("khepera://open-box?" + "fault=drop&" * 2000)
+            open_robot("khepera://open-box?" + "fault=drop&" * 2000)
 
 
 class TestRequests:
@@ -294,9 +307,7 @@ class TestRequests:
             ),
         )
 
-        with serial.serial_for_url(
-            "khepera://open-box?baud=unpaced&turret=gripper", timeout=0.5
-        ) as port:
+        with open_robot("khepera://open-box?baud=unpaced&turret=gripper", timeout=0.5) as port:
 
             @settings_of(hostile, 200)
             @given(st.lists(pieces, max_size=10))
@@ -324,7 +335,12 @@ COMMANDS = [
 ]
 
 
-def served(port: Rfc2217Port | TcpPort, connect, request: bytes = b"B\n", limit: int = 256) -> None:
+def served(
+    port: Rfc2217Port | TcpPort,
+    connect: Callable[..., Any],
+    request: bytes = b"B\n",
+    limit: int = 256,
+) -> None:
     """A client that comes, asks and is answered."""
     with connect(port) as client:
         client.setblocking(False)
@@ -403,21 +419,21 @@ class TestConnections:
         port.close()
 
 
-def cooked(settings: list[int | list[bytes | int]]) -> None:
+def cooked(settings: Sequence[int | list[bytes | int]]) -> None:
     settings[0] |= termios.ICRNL | termios.IXON
     settings[3] |= termios.ICANON | termios.ECHO | termios.ISIG
 
 
-def odd(settings: list[int | list[bytes | int]]) -> None:
+def odd(settings: Sequence[int | list[bytes | int]]) -> None:
     settings[2] = settings[2] & ~termios.CSIZE | termios.CS5 | termios.PARENB
     settings[4] = settings[5] = termios.B50
 
 
-def hung_up(settings: list[int | list[bytes | int]]) -> None:
+def hung_up(settings: Sequence[int | list[bytes | int]]) -> None:
     settings[4] = settings[5] = termios.B0
 
 
-def setting_of(change):
+def setting_of(change: Callable[..., Any]) -> Callable[..., Any]:
     def act(_: PtyPort, terminal: int) -> None:
         settings = termios.tcgetattr(terminal)
         change(settings)
@@ -450,7 +466,7 @@ class TestTerminals:
 
         @settings_of(hostile, 200)
         @given(st.lists(st.lists(acts, max_size=8), max_size=3))
-        def check(clients: list[list[bytes | str]]) -> None:
+        def check(clients: Sequence[list[bytes | str]]) -> None:
             with Link(link_path) as link:
                 port = PtyPort(link.point_to)
                 link.point_to(port.url)

@@ -5,10 +5,11 @@ import json
 import os
 import tracemalloc
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,7 +163,7 @@ def test_maps_whose_text_was_edited(hostile: Hostile, whole: bytes, tmp_path: Pa
 
     @settings(max_examples=hostile.examples(150))
     @given(st.sampled_from(sorted(_leaves(meta))), odd)
-    def check(place: tuple[str, ...], value) -> None:
+    def check(place: tuple[str, ...], value: Any) -> None:
         hostile.count("maps")
         changed = json.loads(json.dumps(meta))
         _put(changed, place, value)
@@ -172,7 +173,7 @@ def test_maps_whose_text_was_edited(hostile: Hostile, whole: bytes, tmp_path: Pa
 
 
 def _leaves(
-    value: dict[str, object] | float | str, place: tuple[str, ...] = ()
+    value: dict[str, Any] | float | str, place: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, ...]]:
     if isinstance(value, dict):
         yield place
@@ -182,7 +183,7 @@ def _leaves(
         yield place
 
 
-def _put(value: dict[str, object], place: tuple[str, ...], item) -> None:
+def _put(value: dict[str, Any], place: tuple[str, ...], item: Any) -> None:
     if not place:
         value.clear()
         value["settings"] = item
@@ -230,7 +231,7 @@ COMPETENCE = ("settings", "memories", "transitions", "settings")
     ],
 )
 def test_impossible_numbers_are_refused_when_a_map_is_read(
-    whole: bytes, tmp_path: Path, name: str, change, says: str
+    whole: bytes, tmp_path: Path, name: str, change: Callable[..., Any], says: str
 ) -> None:
     arrays = arrays_of(whole)
     path = tmp_path / "map.npz"
@@ -313,7 +314,9 @@ def lying_archive(size: int, stated: int) -> bytes:
         lambda: map_of({"meta": np.zeros(8 * MIB // 8)}),
     ],
 )
-def test_what_expands_without_end_is_refused_before_it_is_expanded(tmp_path: Path, bomb) -> None:
+def test_what_expands_without_end_is_refused_before_it_is_expanded(
+    tmp_path: Path, bomb: Callable[..., Any]
+) -> None:
     path = tmp_path / "bomb.npz"
     path.write_bytes(bomb())
     tracemalloc.start()

@@ -5,8 +5,9 @@ import io
 import json
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hostile_inputs import Hostile
@@ -23,7 +24,7 @@ from rich.console import Console
 from watching_helpers import BEGIN, a_picture
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts
-from macor_hil.monitor.robot_state import RobotState, Watched
+from macor_hil.monitor.robot_state import RobotState
 from macor_hil.monitor.terminal_view import render
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival, Presence
@@ -73,14 +74,14 @@ ODD = st.one_of(
 )
 
 
-def written(value) -> bytes:
+def written(value: Any) -> bytes:
     text = json.dumps(value)
     for name, stands_for in BEYOND.items():
         text = text.replace(f'"{name}"', stands_for)
     return text.encode(errors="surrogatepass")
 
 
-def places(value, place: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str, ...]]:
+def places(value: Any, place: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str, ...]]:
     """Every place in a JSON value."""
     yield place
     if isinstance(value, dict | list):
@@ -88,7 +89,7 @@ def places(value, place: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str
             yield from places(each, (*place, key))
 
 
-def put(value, place: tuple[int | str, ...], odd):
+def put(value: Any, place: tuple[int | str, ...], odd: Any):
     if not place:
         return odd
     copy = dict(value) if isinstance(value, dict) else list(value)
@@ -97,7 +98,7 @@ def put(value, place: tuple[int | str, ...], odd):
 
 
 @st.composite
-def damaged(draw, model) -> bytes:
+def damaged(draw: st.DrawFn, model: Any) -> bytes:
     """An example with some of its places replaced, or damaged as a text."""
     value = json.loads(EXAMPLES[model].model_dump_json())
     for _ in range(draw(st.integers(1, 3))):
@@ -121,7 +122,7 @@ def numbers(schema: dict[str, float | str]) -> OneOfStrategy:
     return st.one_of(st.sampled_from([least, high]), st.floats(least, high))
 
 
-def within(schema: dict[str, object]):
+def within(schema: dict[str, Any]):
     """Values at and between the bounds of a schema."""
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
@@ -144,7 +145,7 @@ def within(schema: dict[str, object]):
     return numbers(schema)
 
 
-def bounded(value, limit: float = 1e10) -> bool:
+def bounded(value: Any, limit: float = 1e10) -> bool:
     if isinstance(value, dict):
         return all(map(bounded, value.values()))
     if isinstance(value, list):
@@ -220,7 +221,7 @@ def test_long_lists_of_nonsense_end_at_the_first(
         Decision.parse(json.dumps(value).encode()[:MOST_JSON])
 
 
-def show_everything(watched: Watched, now: float) -> None:
+def show_everything(watched, now: float) -> None:
     """All that is drawn and said of a robot; drawings are well-formed, texts harmless."""
     seen = watched.controlled
     drawings = [
@@ -274,7 +275,7 @@ def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(
 
     @settings(max_examples=hostile.examples(30))
     @given(moments)
-    def shown(samples: list[tuple[tuple[str, str], dict[str, float | object | str]]]) -> None:
+    def shown(samples: Sequence[tuple[tuple[str, str], dict[str, float | object | str]]]) -> None:
         watched = RobotState("khepera")
         events = [Presence(EMULATOR, True, BEGIN), Presence(CONTROLLER, True, BEGIN)]
         events += [arrival(key, written(value)) for key, value in samples]

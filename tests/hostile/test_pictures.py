@@ -9,6 +9,7 @@ from queue import SimpleQueue
 import cv2
 import numpy as np
 import pytest
+import zenoh
 from controller_helpers import PATIENCE, free_endpoint, wait_until_watched
 from hostile_inputs import Hostile
 from hypothesis import example, given, settings
@@ -247,7 +248,7 @@ def test_a_camera_on_zenoh_is_refused_by_name_whatever_it_answers(hostile: Hosti
     left = iter(answers)
     endpoint = free_endpoint()
 
-    def answer(query) -> None:
+    def answer(query: zenoh.Query) -> None:
         with query:
             payload, attachment = next(left)
             query.reply("any/key", payload, attachment=attachment)
@@ -272,7 +273,7 @@ def test_the_ros_bridge_forwards_no_picture_that_cannot_be_used(hostile: Hostile
         Bridge(source, "khepera") as bridge,
         open_session([], [endpoint]) as watcher,
     ):
-        forwarded = SimpleQueue()
+        forwarded: SimpleQueue[zenoh.Sample] = SimpleQueue()
         watcher.declare_subscriber("0/khepera/image/**", forwarded.put)
         wait_until_watched(source, "0/khepera/image/compressed/*/*")
         bad = [*BOMBS.values(), *(whole[:-3] for whole in WHOLE.values())]

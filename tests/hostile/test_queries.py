@@ -11,6 +11,7 @@ import numpy as np
 import pybullet
 import pytest
 import zenoh
+from as_type import not_none
 from emulator_process import PATIENCE, free_endpoint
 from hostile_inputs import Hostile
 from hypothesis import HealthCheck, given, settings
@@ -31,10 +32,10 @@ LEAVES = [key.leaf for key in EMULATOR_KEYS if key.leaf != "alive"]
 class Bench:
     """An emulator whose queries are answered in the test's own thread."""
 
-    def __init__(self, channel: SideChannel, session, emulator: Emulator) -> None:
+    def __init__(self, channel: SideChannel, session: zenoh.Session, emulator: Emulator) -> None:
         self.channel, self.session, self.emulator = channel, session, emulator
 
-    def ask(self, key: str, payload: str | None = None):
+    def ask(self, key: str, payload: str | None = None) -> list[zenoh.Reply]:
         """All replies to a query that reaches one of the keys."""
         replies = self.session.get(key, payload=payload, timeout=PATIENCE)
         with ThreadPoolExecutor(1) as other:
@@ -44,17 +45,17 @@ class Bench:
                 self.channel.serve(self.emulator)
         return told.result()
 
-    def reply(self, leaf: str, payload: str | None = None):
+    def reply(self, leaf: str, payload: str | None = None) -> zenoh.Reply:
         (reply,) = self.ask(f"khepera/khepera/{leaf}", payload)
         return reply
 
     def refusal(self, leaf: str, payload: str | None = None) -> str:
         reply = self.reply(leaf, payload)
         assert reply.ok is None
-        return reply.err.payload.to_string()
+        return not_none(reply.err).payload.to_string()
 
     def truth(self) -> Truth:
-        return Truth.model_validate_json(self.reply("truth").ok.payload.to_bytes())
+        return Truth.model_validate_json(not_none(self.reply("truth").ok).payload.to_bytes())
 
 
 @pytest.fixture(scope="module")
@@ -181,12 +182,12 @@ def test_every_payload_is_answered(bench: Bench, hostile: Hostile) -> None:
         hostile.count("queries: payloads")
         reply = bench.reply(leaf, payload)
         if reply.ok is None:
-            reason = reply.err.payload.to_string()
+            reason = not_none(reply.err).payload.to_string()
             assert reason.isprintable()
             assert "failed" not in reason
         # where it is, it can see, and be put back
         with contextlib.suppress(AttributeError):
-            image = np.frombuffer(bench.reply("camera").ok.payload.to_bytes(), np.uint8)
+            image = np.frombuffer(not_none(bench.reply("camera").ok).payload.to_bytes(), np.uint8)
             assert cv2.imdecode(image, cv2.IMREAD_COLOR) is not None
         assert bench.truth().pose.x == pytest.approx(0.5, abs=0.65)
 

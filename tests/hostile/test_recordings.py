@@ -6,9 +6,11 @@ import re
 import struct
 import tracemalloc
 import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import lz4.frame
 import numpy as np
@@ -30,7 +32,7 @@ from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.recorded_drives import learn
-from macor_hil.telemetry.feed import Presence
+from macor_hil.telemetry.feed import Arrival, Presence
 from macor_hil.telemetry.recordings.mcap_file import Damage, read_messages
 from macor_hil.telemetry.recordings.recording import Recorder, play_recording, read_recording
 
@@ -45,7 +47,7 @@ CODECS = {
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory):
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("recordings") / "whole.mcap"
     with Recorder(path, "khepera") as recorder:
         for event in a_life(2):
@@ -53,7 +55,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory):
     return path.read_bytes()
 
 
-def rewritten(whole, compression, chunk_size=1 << 20):
+def rewritten(whole: bytes, compression: CompressionType, chunk_size: int = 1 << 20) -> bytes:
     """The same messages, as other tools write them."""
     buffer = io.BytesIO()
     writer = Writer(buffer, chunk_size=chunk_size, compression=compression)
@@ -81,7 +83,7 @@ def rewritten(whole, compression, chunk_size=1 << 20):
     return buffer.getvalue()
 
 
-def read(path, data):
+def read(path: Path, data: bytes) -> list[Arrival | Presence]:
     path.write_bytes(data)
     try:
         return read_recording(path)[1]
@@ -90,18 +92,18 @@ def read(path, data):
         return []
 
 
-def assert_one_sentence(error, path) -> None:
+def assert_one_sentence(error: RecordingError, path: Path | str) -> None:
     assert str(path) in str(error)
     assert str(error).isprintable()
 
 
-def is_part(some, whole):
+def is_part(some: Sequence[Arrival | Presence], whole: Sequence[Arrival | Presence]) -> bool:
     """Return whether all of some are in the whole, in this order."""
     rest = iter(whole)
     return all(event in rest for event in some)
 
 
-def safe_counts(data):
+def safe_counts(data: bytes) -> dict[int, int]:
     """Yield the end of each chunk, with how many events there are up to there."""
     messages = read_messages(file := io.BytesIO(data))
     ends = {0: 0}
@@ -115,17 +117,19 @@ def safe_counts(data):
     return ends
 
 
-def first_difference(one, other):
+def first_difference(one: bytes, other: bytes) -> int:
     pairs = enumerate(zip(one, other, strict=False))
     return next((k for k, (a, b) in pairs if a != b), min(len(one), len(other)))
 
 
-def test_damaged_copies_keep_what_came_before(hostile: Hostile, whole, tmp_path: Path) -> None:
+def test_damaged_copies_keep_what_came_before(
+    hostile: Hostile, whole: bytes, tmp_path: Path
+) -> None:
     ends, events = safe_counts(whole), a_life(2)
 
     @settings(max_examples=hostile.examples(150))
     @given(damaged(whole))
-    def check(data) -> None:
+    def check(data: bytes) -> None:
         hostile.count("recordings")
         kept = read(tmp_path / "x.mcap", data)
         assert is_part(kept, events)
@@ -136,7 +140,7 @@ def test_damaged_copies_keep_what_came_before(hostile: Hostile, whole, tmp_path:
 
 
 def test_a_recording_cut_off_anywhere_keeps_its_whole_chunks(
-    hostile: Hostile, whole, tmp_path: Path
+    hostile: Hostile, whole: bytes, tmp_path: Path
 ) -> None:
     ends, events = safe_counts(whole), a_life(2)
     assert len(ends) > 3
@@ -148,7 +152,7 @@ def test_a_recording_cut_off_anywhere_keeps_its_whole_chunks(
 
 @pytest.mark.parametrize("compression", list(CompressionType))
 def test_recordings_that_other_tools_have_rewritten_are_read(
-    whole, tmp_path: Path, compression
+    whole: bytes, tmp_path: Path, compression: CompressionType
 ) -> None:
     for chunk_size in (1000, 1 << 22):
         assert read(tmp_path / "x.mcap", rewritten(whole, compression, chunk_size)) == a_life(2)
@@ -156,13 +160,13 @@ def test_recordings_that_other_tools_have_rewritten_are_read(
 
 @pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
 def test_damaged_copies_of_compressed_recordings(
-    hostile: Hostile, whole, tmp_path: Path, compression
+    hostile: Hostile, whole: bytes, tmp_path: Path, compression: CompressionType
 ) -> None:
     data, events = rewritten(whole, compression, 2000), a_life(2)
 
     @settings(max_examples=hostile.examples(100))
     @given(damaged(data))
-    def check(copy) -> None:
+    def check(copy: bytes) -> None:
         hostile.count("recordings")
         assert is_part(read(tmp_path / "x.mcap", copy), events)
 
@@ -170,7 +174,7 @@ def test_damaged_copies_of_compressed_recordings(
 
 
 def test_recordings_with_damage_behind_their_checksums(
-    hostile: Hostile, whole, tmp_path: Path
+    hostile: Hostile, whole: bytes, tmp_path: Path
 ) -> None:
     chunks = [
         record
@@ -182,7 +186,7 @@ def test_recordings_with_damage_behind_their_checksums(
 
     @settings(max_examples=hostile.examples(100))
     @given(damaged(records), st.sampled_from(codecs))
-    def check(data, codec) -> None:
+    def check(data: bytes, codec: str) -> None:
         hostile.count("recordings")
         read(tmp_path / "x.mcap", file_of(chunk_of(data, codec)))
 
@@ -190,7 +194,7 @@ def test_recordings_with_damage_behind_their_checksums(
 
 
 def test_a_damaged_chunk_is_left_out_told_and_read_over(
-    whole, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    whole: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     ends = sorted(safe_counts(whole).items())
     (_, before), (end, after) = next(
@@ -205,7 +209,7 @@ def test_a_damaged_chunk_is_left_out_told_and_read_over(
     assert re.search(r"left out a part at byte [\d,]+: a chunk is not what its checksum says", said)
 
 
-def test_a_cut_is_told(whole, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_cut_is_told(whole: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     read(tmp_path / "x.mcap", whole[: len(whole) // 2])
     assert "x.mcap: left out a part at byte" in caplog.text
     assert "it was cut off" in caplog.text
@@ -236,7 +240,7 @@ def chunk_of(
     return record_of(6, head + struct.pack("<Q", len(data)) + data)
 
 
-def file_of(*records):
+def file_of(*records: bytes) -> bytes:
     header = record_of(1, text_of("") + text_of("test"))
     return b"\x89MCAP0\r\n" + header + b"".join(records)
 
@@ -269,7 +273,7 @@ ALIVE = channel_of(1, "khepera/k/alive") + message_of(1, b'{"alive":true}')
     ],
 )
 def test_a_part_that_cannot_be_read_is_left_out_and_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, part
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, part: bytes
 ) -> None:
     path = tmp_path / "x.mcap"
     after = message_of(1, b'{"alive":false}', BEGIN + 1)
@@ -290,7 +294,7 @@ def test_learning_from_damaged_samples(hostile: Hostile) -> None:
 
     @settings(max_examples=hostile.examples(60))
     @given(st.lists(damages, min_size=1, max_size=4))
-    def check(damage) -> None:
+    def check(damage: list[tuple[int, bytes]]) -> None:
         hostile.count("learning")
         odd = list(events)
         for k, data in damage:
@@ -351,7 +355,7 @@ def zstd_claiming(size):
         lambda: [chunk_of(bytes(65 * MIB), "zstd")],
     ],
 )
-def test_what_expands_without_end_is_left_out(tmp_path: Path, bomb) -> None:
+def test_what_expands_without_end_is_left_out(tmp_path: Path, bomb: Callable[..., Any]) -> None:
     path = tmp_path / "x.mcap"
     path.write_bytes(file_of(ALIVE, *bomb()))
     tracemalloc.start()
@@ -389,7 +393,7 @@ def test_playing_a_long_recording_takes_no_more_memory_than_a_short_one(tmp_path
 
 
 def test_memory_that_is_not_there_is_not_used_and_that_is_told(
-    whole, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    whole: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "x.mcap"
     path.write_bytes(whole)
@@ -406,7 +410,7 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
             read_recording(odd)
 
 
-def test_an_independent_reader_agrees_on_every_message(whole) -> None:
+def test_an_independent_reader_agrees_on_every_message(whole: bytes) -> None:
     theirs = []
     for record in StreamReader(io.BytesIO(whole), emit_chunks=True).records:
         if isinstance(record, Chunk):

@@ -11,7 +11,7 @@ from hostile_inputs import Hostile
 from hypothesis import given, settings
 from test_experiments import DRIVE
 
-from macor_hil.errors import MacorError
+from macor_hil.errors import MacorError, MapError
 from macor_hil.experiments.drives.training_drive import Recordings
 from macor_hil.experiments.results.store import ResultsFile, append_line, only_one, read_lines
 from macor_hil.experiments.sweep.runner import _costs
@@ -23,18 +23,18 @@ RESULTS = {
 
 
 @pytest.fixture
-def file(tmp_path: Path):
+def file(tmp_path: Path) -> ResultsFile:
     file = ResultsFile(tmp_path, "table1", DRIVE, "code")
     file.write(RESULTS)
     return file
 
 
-def test_damaged_results_are_left_out(hostile: Hostile, file) -> None:
+def test_damaged_results_are_left_out(hostile: Hostile, file: ResultsFile) -> None:
     whole = file.path.read_bytes()
 
     @settings(max_examples=hostile.examples(150))
     @given(damaged(whole))
-    def check(data) -> None:
+    def check(data: bytes) -> None:
         hostile.count("results")
         file.path.write_bytes(data)
         try:
@@ -48,13 +48,13 @@ def test_damaged_results_are_left_out(hostile: Hostile, file) -> None:
     check()
 
 
-def assert_one_sentence(error, path) -> None:
+def assert_one_sentence(error: MacorError | MapError, path: Path) -> None:
     assert str(path) in str(error)
     assert str(error).isprintable()
 
 
 def test_one_damaged_line_costs_one_result_and_is_told(
-    file, caplog: pytest.LogCaptureFixture
+    file: ResultsFile, caplog: pytest.LogCaptureFixture
 ) -> None:
     lines = file.path.read_bytes().splitlines(keepends=True)
     lines[2] = lines[2].replace(b"0.62", b"0.63")
@@ -79,13 +79,13 @@ def test_one_damaged_line_costs_one_result_and_is_told(
         b"",
     ],
 )
-def test_lines_that_nobody_wrote_are_left_out(file, line: bytes) -> None:
+def test_lines_that_nobody_wrote_are_left_out(file: ResultsFile, line: bytes) -> None:
     with file.path.open("ab") as stream:
         stream.write(line + b"\n")
     assert file.read() == RESULTS
 
 
-def test_files_that_cannot_be_used_are_named(tmp_path: Path, file) -> None:
+def test_files_that_cannot_be_used_are_named(tmp_path: Path, file: ResultsFile) -> None:
     with pytest.raises(MacorError, match=r"cannot read .* regular file|Is a directory"):
         read_lines(tmp_path)
     with pytest.raises(MacorError, match="cannot write"):
@@ -95,7 +95,7 @@ def test_files_that_cannot_be_used_are_named(tmp_path: Path, file) -> None:
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory):
+def kept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recordings, dict[Path, bytes]]:
     """A drive that is kept, and the bytes of its files."""
     drive = replace(DRIVE, tuning=10, random=6, reactive=0)
     recordings = Recordings(tmp_path_factory.mktemp("drives"), drive)
@@ -103,13 +103,15 @@ def kept(tmp_path_factory: pytest.TempPathFactory):
     return recordings, {path: path.read_bytes() for path in recordings.folder.iterdir()}
 
 
-def test_damaged_drives_are_refused_in_one_sentence(hostile: Hostile, kept) -> None:
+def test_damaged_drives_are_refused_in_one_sentence(
+    hostile: Hostile, kept: tuple[Recordings, dict[Path, bytes]]
+) -> None:
     recordings, files = kept
     (path,) = (path for path in files if "frames" in path.name)
 
     @settings(max_examples=hostile.examples(100))
     @given(damaged(files[path]))
-    def check(data) -> None:
+    def check(data: bytes) -> None:
         hostile.count("kept drives")
         path.write_bytes(data)
         try:
@@ -124,7 +126,9 @@ def test_damaged_drives_are_refused_in_one_sentence(hostile: Hostile, kept) -> N
 
 
 @pytest.mark.parametrize("part", ["frames", "map"])
-def test_a_damaged_drive_is_driven_again(kept, part: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_damaged_drive_is_driven_again(
+    kept: tuple[Recordings, dict[Path, bytes]], part: str, caplog: pytest.LogCaptureFixture
+) -> None:
     recordings, files = kept
     good = recordings[1]
     (path,) = (path for path in files if part in path.name)
@@ -147,7 +151,9 @@ def test_a_damaged_drive_is_driven_again(kept, part: str, caplog: pytest.LogCapt
         {"collided": np.zeros(8)},
     ],
 )
-def test_impossible_frames_are_refused(kept, change) -> None:
+def test_impossible_frames_are_refused(
+    kept: tuple[Recordings, dict[Path, bytes]], change: dict[str, np.ndarray]
+) -> None:
     recordings, files = kept
     (path,) = (path for path in files if "frames" in path.name)
     good = {
