@@ -113,7 +113,7 @@ def test_both_robots_can_get_to_the_end(name: str, goal: tuple[float, float]) ->
     assert all(x0 < x < x1 and y0 < y < y1 for x, y in places)
 
 
-def run(capsys: pytest.CaptureFixture[str], *arguments: str):
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
     app(["arenas", *arguments], prog_name="khepera-emulator", standalone_mode=False)
     return capsys.readouterr().out.splitlines()
 
@@ -174,7 +174,7 @@ PICTURES = {
 
 @pytest.mark.parametrize("suffix", PICTURES)
 def test_a_picture_is_what_its_name_says(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str
 ) -> None:
     path = tmp_path / f"arena.{suffix}"
     run(capsys, "open-box", "--draw", str(path))

@@ -3,6 +3,7 @@
 import os
 import select
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,17 +12,17 @@ from khepera_emulator.ports.bell import Bell
 
 
 @pytest.fixture
-def bell():
+def bell() -> Iterator[Bell]:
     bell = Bell()
     yield bell
     bell.close()
 
 
-def rings(bell):
+def rings(bell: Bell) -> bool:
     return bool(select.select([bell.fileno()], (), (), 0)[0])
 
 
-def test_is_readable_from_ringing_to_silence(bell) -> None:
+def test_is_readable_from_ringing_to_silence(bell: Bell) -> None:
     assert not rings(bell)
     bell.ring()
     bell.ring()
@@ -45,11 +46,11 @@ def test_rings_no_more_when_closed_whatever_file_has_its_number_now(tmp_path: Pa
     os.close(other)
 
 
-def test_may_be_rung_by_a_signal_at_any_time(bell, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_may_be_rung_by_a_signal_at_any_time(bell: Bell, monkeypatch: pytest.MonkeyPatch) -> None:
     before = signal.signal(signal.SIGUSR1, lambda *_: bell.ring())
     close = os.close
 
-    def interrupted(descriptor) -> None:
+    def interrupted(descriptor: int) -> None:
         os.kill(os.getpid(), signal.SIGUSR1)
         close(descriptor)
 

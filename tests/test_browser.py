@@ -2,9 +2,11 @@
 
 import re
 import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from as_type import not_none
 from controller_helpers import free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
 from selenium.webdriver import Chrome
@@ -23,11 +25,11 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def browser():
+def browser() -> Iterator[Chrome]:
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
+    options.binary_location = not_none(CHROMIUM)
     for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
@@ -41,7 +43,7 @@ def visit(browser: Chrome, address: str) -> None:
     """Open a page as soon as it is served."""
     from selenium.common.exceptions import WebDriverException
 
-    def opened(driver: Chrome):
+    def opened(driver: Chrome) -> bool:
         try:
             driver.get(address)
         except WebDriverException:
@@ -51,25 +53,29 @@ def visit(browser: Chrome, address: str) -> None:
     until(browser, opened)
 
 
-def until(browser: Chrome, condition):
+def until(browser: Chrome, condition: Callable[[Chrome], object]) -> object:
     from selenium.webdriver.support.wait import WebDriverWait
 
     return WebDriverWait(browser, PATIENCE, poll_frequency=0.1).until(condition)
 
 
-def says(text: str):
-    def found(driver: Chrome):
-        return text in driver.execute_script("return document.body ? document.body.innerText : ''")
+def says(text: str) -> Callable[[Chrome], bool]:
+    def found(driver: Chrome) -> bool:
+        said: str = driver.execute_script("return document.body ? document.body.innerText : ''")
+        return text in said
 
     return found
 
 
-def count(driver: Chrome, selector):
-    return driver.execute_script("return document.querySelectorAll(arguments[0]).length", selector)
+def count(driver: Chrome, selector: str) -> int:
+    script = "return document.querySelectorAll(arguments[0]).length"
+    number: int = driver.execute_script(script, selector)
+    return number
+    return number
 
 
-def shows(selector, number: int):
-    def found(driver: Chrome):
+def shows(selector: str, number: int) -> Callable[[Chrome], bool]:
+    def found(driver: Chrome) -> bool:
         return count(driver, selector) == number
 
     return found
@@ -143,14 +149,14 @@ def test_every_page_plays_a_recording_for_itself(browser: Chrome, recording: Pat
         assert "PLAY" in text_of_button(browser).upper()
 
 
-def hosts(browser: Chrome):
+def hosts(browser: Chrome) -> set[str]:
     """Return the hosts that the page asked for anything."""
     log = "".join(each["message"] for each in browser.get_log("performance"))
     return set(re.findall(r'"url":"(?:https?|wss?)://([^:/"]+)', log))
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory):
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from macor_hil.telemetry.recordings.recording import Recorder
 
     path = tmp_path_factory.mktemp("recording") / "drive.mcap"
@@ -164,7 +170,7 @@ def test_a_recording_is_scrubbed_by_keyboard(browser: Chrome, recording: Path) -
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
 
-    def press(key) -> None:
+    def press(key: str) -> None:
         ActionChains(browser).send_keys(key).perform()
 
     with dashboard(str(recording)) as address:
@@ -186,8 +192,9 @@ def test_a_recording_is_scrubbed_by_keyboard(browser: Chrome, recording: Path) -
         until(browser, says("waiting for a robot"))
 
 
-def text_of_button(driver: Chrome):
-    return driver.execute_script("return document.querySelector('button').innerText")
+def text_of_button(driver: Chrome) -> str:
+    text: str = driver.execute_script("return document.querySelector('button').innerText")
+    return text
 
 
 @pytest.mark.parametrize("width", [360, 1500])

@@ -74,7 +74,7 @@ def pose(heading: float = 0.0, x: float = 0.0, y: float = 0.0) -> Pose:
 
 def has_colour(pixel: np.ndarray, channels: tuple[int, ...]) -> bool:
     others = [channel for channel in range(3) if channel not in channels]
-    return min(pixel[list(channels)]) > 100 and max(pixel[others]) < 20
+    return bool(min(pixel[list(channels)]) > 100 and max(pixel[others]) < 20)
 
 
 # 0.05 m above the floor, 0.29 m away: a little below the horizon
@@ -85,9 +85,11 @@ def wall_row(panorama: np.ndarray) -> int:
 
 def test_shapes(camera: Callable[..., OmniCamera], world: World) -> None:
     image = camera(world).mirror_image(pose())
-    assert (image.shape, image.dtype) == ((160, 160, 3), np.uint8)
+    assert image.shape == (160, 160, 3)
+    assert image.dtype == np.uint8
     panorama = camera(world).panorama(pose())
-    assert (panorama.shape, panorama.dtype) == ((48, 240, 3), np.uint8)
+    assert panorama.shape == (48, 240, 3)
+    assert panorama.dtype == np.uint8
 
 
 @pytest.mark.parametrize(

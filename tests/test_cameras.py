@@ -30,11 +30,10 @@ from macor_hil.errors import (
     WrongPictureError,
 )
 from macor_hil.hardware.cameras import Frame, open_camera
+from macor_hil.hardware.cameras.camera import Camera
 from macor_hil.hardware.cameras.checks import CheckedCamera, PictureLimits, limits_for
-from macor_hil.hardware.cameras.files import ImagesCamera, VideoFileCamera
 from macor_hil.hardware.cameras.live_video import LiveVideoCamera, is_device
 from macor_hil.hardware.cameras.watchdog import CameraWatch
-from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.telemetry.session import open_session
 
 
@@ -42,9 +41,7 @@ def noise(seed: int = 0, shape: tuple[int, ...] = (16, 16, 3)) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
 
 
-def opened(
-    name: str, session: zenoh.Session | None = None
-) -> ImagesCamera | VideoFileCamera | ZenohCamera:
+def opened(name: str, session: zenoh.Session | None = None) -> Camera:
     return open_camera(name, port=None, session=session, robot="khepera")
 
 
@@ -163,7 +160,7 @@ def test_a_live_video_whose_reader_has_died_is_lost(monkeypatch: pytest.MonkeyPa
     heard: list[threading.ExceptHookArgs] = []
     monkeypatch.setattr(threading, "excepthook", heard.append)
     device = FakeCapture()
-    device.read = lambda: 1 / 0
+    monkeypatch.setattr(device, "read", lambda: 1 / 0)
     camera = LiveVideoCamera("0", lambda _: device)
     with pytest.raises(CameraLostError, match=r"read no more: .*ZeroDivisionError"):
         camera.grab()
@@ -180,9 +177,9 @@ def test_a_live_video_in_grey_is_a_wrong_picture() -> None:
     camera.close()
 
 
-def test_a_video_too_large_to_be_decoded_is_refused() -> None:
+def test_a_video_too_large_to_be_decoded_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     device = FakeCapture()
-    device.get = lambda _: 40_000.0
+    monkeypatch.setattr(device, "get", lambda _: 40_000.0)
     with pytest.raises(WrongPictureError, match="40000 x 40000 pixels"):
         LiveVideoCamera("0", lambda _: device)
     assert device.released
@@ -311,7 +308,7 @@ def test_an_answer_is_placed_by_its_stamp() -> None:
     assert (frame.sequence, frame.time) == (5, 1.25)
 
 
-def answering(session: zenoh.Session, payload: bytes, **options: bool) -> zenoh.Queryable:
+def answering(session: zenoh.Session, payload: bytes, **options: Any) -> zenoh.Queryable[None]:
     """A queryable that answers with a picture, or what it is given."""
 
     def answer(query: zenoh.Query) -> None:
@@ -353,7 +350,7 @@ def test_a_stranger_s_pictures_are_not_taken(
 
 def until_answers(session: zenoh.Session, number: int) -> None:
     """Wait until so many sources answer."""
-    options = {
+    options: dict[str, Any] = {
         "target": zenoh.QueryTarget.ALL,
         "consolidation": zenoh.ConsolidationMode.NONE,
         "timeout": PATIENCE,
@@ -434,14 +431,14 @@ class Pictures:
     """A camera that shows what it is given, then fails."""
 
     def __init__(
-        self, *images: np.ndarray, live: bool = True, act: Callable[..., Any] = lambda: None
+        self, *images: np.ndarray, live: bool = True, act: Callable[[], object] = lambda: None
     ) -> None:
         self.live = live
         self.images = list(images)
         self.act = act
         self.grabbed = threading.Semaphore(0)
 
-    def grab(self):
+    def grab(self) -> Frame:
         self.act()
         self.grabbed.release()
         if not self.images:
@@ -562,11 +559,15 @@ def test_a_watch_that_dies_is_heard_at_once_and_begins_anew_with_the_next_drive(
 
 
 def test_the_end_of_the_watch_does_not_wait_for_a_picture() -> None:
-    hang, too_late = threading.Event(), []
-    camera = Pictures(noise(), act=lambda: hang.wait(3.0) or too_late.append(1))
-    began = threading.Event()
-    grab = camera.grab
-    camera.grab = lambda: began.set() or grab()
+    began, hang = threading.Event(), threading.Event()
+    too_late: list[int] = []
+
+    def act() -> None:
+        began.set()
+        if not hang.wait(3.0):
+            too_late.append(1)
+
+    camera = Pictures(noise(), act=act)
     with CameraWatch(camera, limit=60.0) as watch:
         watch.guard()
         assert began.wait(PATIENCE)
@@ -611,9 +612,9 @@ def test_the_watch_ends_wherever_a_signal_comes() -> None:
     assert calls > 3
 
 
-def test_a_live_video_works_on_wherever_a_signal_comes() -> None:
+def test_a_live_video_works_on_wherever_a_signal_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     device = FakeCapture()
-    device.read = lambda: (True, noise())
+    monkeypatch.setattr(device, "read", lambda: (True, noise()))
     camera = LiveVideoCamera("0", lambda _: device)
     interrupted, calls = True, 0
     while interrupted:

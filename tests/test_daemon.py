@@ -465,7 +465,7 @@ class TestUnprivileged:
             first = not_none(process.stdout).readline().partition(" on ")[2].partition(",")[0]
             with serial.Serial(first, timeout=PATIENCE) as port:
                 assert ask(port, b"G,7,8\n") == b"g\r\n"
-                fcntl.ioctl(port.fd, termios.TIOCEXCL)
+                fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
             deadline = time.monotonic() + PATIENCE
             while str(link.readlink()) == first:
                 assert time.monotonic() < deadline

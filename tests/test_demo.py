@@ -14,13 +14,12 @@ from emulator_process import PATIENCE
 from short_training import train_shortly
 
 from macor_hil.errors import BenchError
-from macor_hil.runs import demo
 from macor_hil.runs.demo import DemoSettings, emulator_process, reserved
 from macor_hil.telemetry.session import open_session
 
 
 @pytest.fixture
-def settings(tmp_path: Path):
+def settings(tmp_path: Path) -> DemoSettings:
     return DemoSettings(tmp_path / "corridor.npz")
 
 
@@ -34,16 +33,16 @@ if "run" in sys.argv:
 """
 
 
-def stand_in(monkeypatch: pytest.MonkeyPatch, folder: Path, text: str, **values) -> None:
+def stand_in(monkeypatch: pytest.MonkeyPatch, folder: Path, text: str, **values: str) -> None:
     """Have the demo start a script instead of its emulator."""
     script = folder / "python"
     script.write_text(text.format(python=sys.executable, **values))
     script.chmod(0o755)
-    monkeypatch.setattr(demo.sys, "executable", str(script))
+    monkeypatch.setattr(sys, "executable", str(script))
 
 
 def test_an_emulator_may_say_any_number_of_warnings(
-    settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    settings: DemoSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = tmp_path / "said"
     os.mkfifo(said)  # opening it waits until the emulator has said everything
@@ -54,7 +53,7 @@ def test_an_emulator_may_say_any_number_of_warnings(
 
 
 def test_an_emulator_that_does_not_start_says_why(
-    settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    settings: DemoSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stand_in(monkeypatch, tmp_path, "#!{python}\nimport sys\nsys.exit('no \\x1b arena')")
     with (

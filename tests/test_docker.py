@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from emulator_process import PATIENCE, emulator, free_endpoint
@@ -35,16 +36,17 @@ STAGES = dict(
 IMAGES = ("emulator", "controller", "monitors")
 
 
-def instruction(stage, name: str):
+def instruction(stage: str, name: str) -> str:
     """The last instruction of a kind in a stage."""
-    return re.findall(rf"^{name} (.*)$", STAGES[stage], re.MULTILINE)[-1].strip()
+    found: list[str] = re.findall(rf"^{name} (.*)$", STAGES[stage], re.MULTILINE)
+    return found[-1].strip()
 
 
-def words(text: str):
+def words(text: str) -> Any:
     return YAML(typ="safe").load(text)
 
 
-def is_command(program, arguments: str):
+def is_command(program: str, arguments: list[str]) -> bool:
     """Return whether a program takes such arguments: unknown options are errors, not help."""
     return CliRunner().invoke(APPS[program], [*arguments, "--help"]).exit_code == 0
 
@@ -84,14 +86,14 @@ def test_an_image_has_no_rights_and_stops_by_a_signal_that_stops_the_robot(image
         ("controller", CONTROLLER_ENDPOINT, CONTROLLER_ALIVE.of("*")),
     ],
 )
-def test_health_is_asked_where_the_program_listens(image: str, endpoint: str, key) -> None:
+def test_health_is_asked_where_the_program_listens(image: str, endpoint: str, key: str) -> None:
     check = instruction(image, "HEALTHCHECK").partition("CMD ")[2]
     assert words(check) == ["python", "/opt/khepera/bin/health.py", endpoint, key]
 
 
 def test_health_is_that_of_the_robot() -> None:
     endpoint = free_endpoint()
-    command = [sys.executable, HEALTH, endpoint, EMULATOR_ALIVE.of("*")]
+    command = [sys.executable, str(HEALTH), endpoint, EMULATOR_ALIVE.of("*")]
     with emulator("--listen", endpoint):
         assert subprocess.run(command, timeout=PATIENCE, check=False).returncode == 0
     assert subprocess.run(command, timeout=PATIENCE, check=False).returncode == 1
@@ -113,7 +115,7 @@ def test_a_service_is_of_this_version_and_has_no_rights(name: str) -> None:
     assert service["network_mode"] == "host"
 
 
-def defaults(text: str):
+def defaults(text: str) -> str:
     """A command with its variables' defaults in."""
     return re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", text)
 

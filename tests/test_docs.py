@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -34,15 +35,15 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
 ]
 
 
-def commands(page: Path):
+def commands(page: Path) -> list[str]:
     return [c for block in blocks(page) if block.language == "sh" for c in block.commands()]
 
 
-def names(pages):
+def names(pages: list[Path]) -> list[str]:
     return [str(page.relative_to(ROOT)) for page in pages]
 
 
-def has_own_network():
+def has_own_network() -> bool:
     tools = shutil.which("unshare") and shutil.which("ip")
     return bool(tools) and not subprocess.run([*NETWORK, "true"], check=False).returncode
 
@@ -79,7 +80,7 @@ def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
         if block.language == "python"
     ],
 )
-def test_the_python_of_a_page_runs(code) -> None:
+def test_the_python_of_a_page_runs(code: str) -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=PATIENCE)
 
 
@@ -87,7 +88,7 @@ def test_the_python_of_a_page_runs(code) -> None:
     "command",
     sorted({command for page in PAGES for command in commands(page) if elsewhere(command)}),
 )
-def test_commands_that_run_elsewhere_are_commands(command) -> None:
+def test_commands_that_run_elsewhere_are_commands(command: str) -> None:
     program, *arguments = (word for word in shlex.split(command) if not VARIABLE.match(word))
     if program in APPS:
         # where an option is unknown, there is an error instead of help
@@ -158,11 +159,13 @@ def test_every_page_is_in_the_index() -> None:
     assert linked == {page.name for page in PAGES if page.parent.name == "docs"} - {"README.md"}
 
 
-def generated():
-    spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
+def generated() -> dict[str, Callable[[], str]]:
+    file = ROOT / "docs" / "generate.py"
+    spec = not_none(importlib.util.spec_from_file_location("generate", file))
     module = importlib.util.module_from_spec(spec)
-    not_none(not_none(spec).loader).exec_module(module)
-    return module.PAGES
+    not_none(spec.loader).exec_module(module)
+    pages: dict[str, Callable[[], str]] = module.PAGES
+    return pages
 
 
 @pytest.mark.parametrize("name", sorted(generated()))

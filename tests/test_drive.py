@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from as_type import not_none
 from khepera_protocol.serial.units import PULSE
+from khepera_protocol.zenoh.payloads import Truth
 
 from macor_hil.commands import STRAIGHT
 from macor_hil.errors import RobotError
@@ -33,7 +34,8 @@ class Drive:
         self.driver.start()
 
     def speed(self) -> float:
-        return max(map(abs, self.emulator.truth().speed))
+        truth: Truth = self.emulator.truth()
+        return max(map(abs, truth.speed))
 
     def stands(self, settling: float = 0.1) -> bool:
         """Return whether it is at rest once its controllers have settled, before a command ends."""
@@ -139,7 +141,7 @@ def test_a_stop_that_was_not_confirmed_is_told_with_what_came_first(
 ) -> None:
     drive = Drive(hardware, defect)
 
-    def dead(*_) -> None:
+    def dead(*_: object) -> None:
         raise RobotError("the line is dead")
 
     monkeypatch.setattr(hardware.robot, "halt", dead)

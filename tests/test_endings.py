@@ -382,7 +382,7 @@ def refuse(
 ) -> None:
     """See that a command is refused in one sentence, at once, and writes nothing."""
 
-    def opened(*_, **__) -> None:
+    def opened(*_: object, **__: object) -> None:
         raise AssertionError("work has begun")
 
     monkeypatch.chdir(folder)

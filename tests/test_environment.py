@@ -14,8 +14,7 @@ import pytest
 from emulator_process import PATIENCE
 from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
-from gymnasium.wrappers.common import TimeLimit
-from rig import rig
+from rig import Rig, rig
 
 from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.environment import LONGEST_HOLD, Observation, Start, graded
@@ -27,12 +26,12 @@ EXAMPLE = Path(__file__).parent.parent / "examples" / "gymnasium_learner.py"
 LEFT, RIGHT, STRAIGHT = range(3)
 
 
-def make(name: str = IDS[0], **settings: Any) -> TimeLimit:
+def make(name: str = IDS[0], **settings: Any) -> gymnasium.Env[Any, Any]:
     return gymnasium.make(name, **settings)
 
 
 @pytest.fixture
-def env() -> Iterator[TimeLimit]:
+def env() -> Iterator[gymnasium.Env[Any, Any]]:
     with make() as made:
         yield made
 
@@ -46,13 +45,11 @@ def test_gymnasiums_checker_has_nothing_to_say(name: str, observation: Observati
             check_env(env.unwrapped)
 
 
-def rollout(
-    name: str, seed: int, steps: int = 6
-) -> list[list[float] | tuple[list[float], float, bool, dict[str, Any]]]:
+def rollout(name: str, seed: int, steps: int = 6) -> list[Any]:
     with make(name) as env:
         env.action_space.seed(seed)
         seen, _ = env.reset(seed=seed)
-        told = [seen.tolist()]
+        told: list[Any] = [seen.tolist()]
         for _ in range(steps):
             seen, reward, terminated, _, info = env.step(env.action_space.sample())
             told.append((seen.tolist(), reward, terminated, info))
@@ -68,13 +65,13 @@ def test_the_seed_decides_everything(name: str) -> None:
     assert rollout(name, 4) != rollout(name, 5)
 
 
-def test_episodes_differ_until_the_seed_is_given_again(env: TimeLimit) -> None:
+def test_episodes_differ_until_the_seed_is_given_again(env: gymnasium.Env[Any, Any]) -> None:
     first = env.reset(seed=1)[1]["pose"]
     assert env.reset()[1]["pose"] != first
     assert env.reset(seed=1)[1]["pose"] == first
 
 
-def test_a_pose_can_be_asked_for(env: TimeLimit) -> None:
+def test_a_pose_can_be_asked_for(env: gymnasium.Env[Any, Any]) -> None:
     _, info = env.reset(seed=1, options={"pose": (0.3, 0.0, 1.0)})
     assert info["pose"] == pytest.approx((0.3, 0.0, 1.0))
 
@@ -99,7 +96,7 @@ def test_a_pose_can_be_asked_for(env: TimeLimit) -> None:
     ],
 )
 def test_wrong_options_are_refused_and_change_nothing(
-    env: TimeLimit, options: dict[str, int | tuple[float, float, float]], message: str
+    env: gymnasium.Env[Any, Any], options: dict[str, int | tuple[float, float, float]], message: str
 ) -> None:
     if options == {"pose": (1e308, 0.0, 0.0)}:
         message = "x=|is not x, y and heading"  # by whoever sees it first
@@ -111,7 +108,7 @@ def test_wrong_options_are_refused_and_change_nothing(
     assert env.unwrapped._hardware.bench.truth() == before
 
 
-def test_no_options_are_as_good_as_none(env: TimeLimit) -> None:
+def test_no_options_are_as_good_as_none(env: gymnasium.Env[Any, Any]) -> None:
     for options in (None, {}, {"pose": None}):
         env.reset(seed=1, options=options)
     _, info = env.reset(seed=1, options={"pose": np.array([0.3, 0.0, 1.0], np.float32)})
@@ -122,7 +119,7 @@ def test_no_options_are_as_good_as_none(env: TimeLimit) -> None:
     "action", [-1, 3, 1.0, np.nan, None, "0", [0], np.array([1]), np.array(1.0), 10**30]
 )
 def test_a_command_that_is_none_is_refused(
-    env: TimeLimit, action: float | list[int] | str | None
+    env: gymnasium.Env[Any, Any], action: float | list[int] | str | None
 ) -> None:
     env.reset(seed=1)
     before = env.unwrapped._hardware.bench.truth()
@@ -185,7 +182,7 @@ def test_starts_near_the_arenas_own_are_near_each_other() -> None:
     assert np.hypot(*spread[:2]) < 0.05
 
 
-def test_commands_turn_and_earn_as_in_the_paper(env: TimeLimit) -> None:
+def test_commands_turn_and_earn_as_in_the_paper(env: gymnasium.Env[Any, Any]) -> None:
     for command, turn, earned in ((LEFT, 12, 0.54), (RIGHT, -12, 0.54), (STRAIGHT, 0, 0.62)):
         _, before = env.reset(seed=1, options={"pose": (0.3, 0.0, 0.0)})
         _, reward, terminated, truncated, info = env.step(command)
@@ -195,7 +192,7 @@ def test_commands_turn_and_earn_as_in_the_paper(env: TimeLimit) -> None:
         assert not truncated
 
 
-def test_a_collision_ends_the_episode_and_earns_nothing(env: TimeLimit) -> None:
+def test_a_collision_ends_the_episode_and_earns_nothing(env: gymnasium.Env[Any, Any]) -> None:
     env.reset(seed=1, options={"pose": (0.3, 0.0, np.pi / 2)})
     earned = []
     for _ in range(10):
@@ -336,7 +333,7 @@ ENDINGS = {
 
 
 @pytest.fixture(scope="module")
-def pictures(tmp_path_factory: pytest.TempPathFactory):
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of pictures, as many as steps are ever driven."""
     folder = tmp_path_factory.mktemp("pictures")
     with make(observation="mirror") as env:
@@ -347,12 +344,12 @@ def pictures(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory):
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     with rig(tmp_path_factory.mktemp("bench"), relay=False, baud=9600) as running:
         yield running
 
 
-def learns_until(bench, pictures, trouble) -> None:
+def learns_until(bench: Rig, pictures: Path, trouble: str) -> None:
     bench.make_ready()
     script = A_LEARNER.format(trouble)
     learner = bench.start([sys.executable, "-c", script, str(bench.link), str(pictures)])
@@ -361,12 +358,12 @@ def learns_until(bench, pictures, trouble) -> None:
 
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("trouble", ENDINGS.values(), ids=ENDINGS)
-def test_a_robot_stands_whatever_ends_a_step(bench, pictures, trouble) -> None:
+def test_a_robot_stands_whatever_ends_a_step(bench: Rig, pictures: Path, trouble: str) -> None:
     assert bench.stops_within(0.5, lambda: learns_until(bench, pictures, trouble))
 
 
 @pytest.mark.wall_clock
-def test_a_step_that_never_ends_does_not_hold_the_wheels_speeds(bench, pictures) -> None:
+def test_a_step_that_never_ends_does_not_hold_the_wheels_speeds(bench: Rig, pictures: Path) -> None:
     stuck = "trouble(lambda: time.sleep(60))"
     period = 0.13
     limit = period + LONGEST_HOLD + 0.5
@@ -374,7 +371,7 @@ def test_a_step_that_never_ends_does_not_hold_the_wheels_speeds(bench, pictures)
 
 
 @pytest.mark.wall_clock
-def test_a_step_that_was_kept_from_its_end_goes_on(bench, pictures) -> None:
+def test_a_step_that_was_kept_from_its_end_goes_on(bench: Rig, pictures: Path) -> None:
     late = "trouble(lambda: time.sleep(1.0)); [env.step(spin) for _ in range(5)]; print('done')"
     bench.make_ready()
     script = A_LEARNER.format(late + "; sys.exit(0)")

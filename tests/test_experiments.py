@@ -18,7 +18,7 @@ import pytest
 from as_type import as_type
 from planning import square
 
-from macor_hil.cli import learning
+from macor_hil.cli import scoring
 from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
@@ -47,6 +47,7 @@ from macor_hil.mind.catalogue import build_brain, whereabouts
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.clusterers.neural_gas import Breadth
 from macor_hil.mind.memories.graded import GradedMemory
+from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.training import Schedule, Session, Trainer
@@ -129,10 +130,11 @@ def test_learning_from_a_recording_gives_the_map_of_a_live_training(recording: R
     assert (
         as_type(FuzzyArt, again.clusterer).weights == as_type(FuzzyArt, live.clusterer).weights
     ).all()
-    known, memory = live.memories["transitions"], again.memories["transitions"]
-    assert (square(memory, "z") == square(known, "z")).all()
-    assert (square(memory, "w_r") == square(known, "w_r")).all()
-    assert square(memory, "w_c") == pytest.approx(square(known, "w_c"))
+    known = as_type(SensorimotorMap, live.memories["transitions"])
+    learned = as_type(SensorimotorMap, again.memories["transitions"])
+    assert (square(learned, "z") == square(known, "z")).all()
+    assert (square(learned, "w_r") == square(known, "w_r")).all()
+    assert square(learned, "w_c") == pytest.approx(square(known, "w_c"))
     for name, memory in again.memories.items():
         for what, array in memory.state().items():
             assert (array == live.memories[name].state()[what]).all(), (name, what)
@@ -540,7 +542,7 @@ def test_the_command_line_names_the_page(
     recorded: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (untold(tiny(TABLE1)),))
-    learning.reproduce("all", seeds=1, workers=1, out=recorded)
+    scoring.reproduce("all", seeds=1, workers=1, out=recorded)
     said = capsys.readouterr()
     assert said.out == f"{recorded / 'report' / 'index.html'}\n"
     assert "table1" in said.err

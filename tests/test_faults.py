@@ -15,13 +15,15 @@ TEXT = b"N,1,2,3\r\n"
 BOTH = (Direction.REQUEST, Direction.REPLY)
 
 
-def faults(*specs, seed: int = 1):
-    told = []
+def faults(*specs: str, seed: int = 1) -> tuple[Faults, list[str]]:
+    told: list[str] = []
     made = Faults(map(parse_fault, specs), seed, lambda happening: told.append(str(happening)))
     return made, told
 
 
-def through(made, data: bytes = TEXT, direction=Direction.REPLY, start=0.0):
+def through(
+    made: Faults, data: bytes = TEXT, direction: Direction = Direction.REPLY, start: float = 0.0
+) -> tuple[bytes, list[float], float]:
     items = [(start + EACH * count, byte) for count, byte in enumerate(data, 1)]
     passed, late = made.on_bytes(direction, items, EACH)
     return bytes(byte for _, byte in passed), [when for when, _ in passed], late
@@ -69,7 +71,7 @@ class TestBytes:
             assert through(made, start=start)[0] == expected
 
     @pytest.mark.parametrize("direction", BOTH)
-    def test_pass_the_other_way(self, direction) -> None:
+    def test_pass_the_other_way(self, direction: Direction) -> None:
         made, _ = faults(f"drop:dir={direction}")
         for each in BOTH:
             assert (through(made, direction=each)[0] == b"") == (each is direction)
@@ -112,14 +114,16 @@ class TestReplies:
 BYTE = 11 / 9600
 
 
-def line(*specs, baud=9600):
+def line(*specs: str, baud: int = 9600) -> tuple[Uart, list[str]]:
     made, told = faults(*specs)
     return Uart(baud, made), told
 
 
-def converse(uart, *requests, until=10.0):
+def converse(
+    uart: Uart, *requests: tuple[float, bytes], until: float = 10.0
+) -> tuple[list[tuple[float, bytes]], bytes]:
     """Answer each request with itself in lower case; requests that came, bytes at the client."""
-    seen = []
+    seen: list[tuple[float, bytes]] = []
     for when, data in requests:
         seen += answer(uart, when)
         uart.receive(data, when)
@@ -127,7 +131,7 @@ def converse(uart, *requests, until=10.0):
     return seen, uart.sent(until)
 
 
-def answer(uart, until):
+def answer(uart: Uart, until: float) -> list[tuple[float, bytes]]:
     seen = []
     for when, request in uart.requests(until):
         uart.send(request.lower() + b"\r\n", when)
@@ -245,11 +249,11 @@ class TestSpec:
             ("stray:p=1,text=a,p=2", Fault("stray", 1.0, (Direction.REPLY,), text=b"a,p=2")),
         ],
     )
-    def test_is_read(self, text: str, fault) -> None:
+    def test_is_read(self, text: str, fault: Fault) -> None:
         assert parse_fault(text) == fault
 
     @pytest.mark.parametrize("kind", FAULTS.names())
-    def test_knows_every_kind(self, kind) -> None:
+    def test_knows_every_kind(self, kind: str) -> None:
         assert parse_fault(f"{kind}:at=1").kind == kind
 
     @pytest.mark.parametrize(

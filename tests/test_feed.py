@@ -3,9 +3,11 @@
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 import zenoh
@@ -15,11 +17,12 @@ from khepera_protocol.zenoh.payload_model import MOST_JSON
 from khepera_protocol.zenoh.payloads import Stamp
 from watching_helpers import a_life
 
+from khepera_emulator.line.coding import Heard
 from macor_hil.monitor.follower import Follower
 from macor_hil.monitor.robot_state import RobotState
 from macor_hil.telemetry.feed import Arrival, Event, Feed, Loss, NotTaken, Presence, Refusal
 from macor_hil.telemetry.inbox import Inbox
-from macor_hil.telemetry.recordings.player import play
+from macor_hil.telemetry.recordings.player import Player, play
 from macor_hil.telemetry.recordings.playing_times import in_playing_time
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.steady_clock import SteadyClock
@@ -29,7 +32,7 @@ TEXT = a_state().model_dump_json()
 
 
 @contextmanager
-def followed():
+def followed() -> Iterator[tuple[Feed, zenoh.Session]]:
     """A feed, and a session of somebody who publishes to it."""
     endpoint = free_endpoint()
     with (
@@ -41,10 +44,10 @@ def followed():
         yield feed, other
 
 
-def until_state(feed, other):
+def until_state(feed: Feed, other: zenoh.Session) -> list[Heard]:
     """All that is heard before a good state, which comes last."""
     other.put(STATE, TEXT, attachment=Stamp(sequence=0, time=1.0).model_dump_json())
-    heard = []
+    heard: list[Heard] = []
     while not (isinstance(event := feed.get(PATIENCE), Arrival) and event.leaf == "state"):
         assert event is not None
         heard.append(event)
@@ -91,7 +94,9 @@ def test_tokens_of_many_robots_are_nobody() -> None:
         ({"payload": TEXT, "encoding": "x" * 240}, "its encoding has no end"),
     ],
 )
-def test_samples_out_of_bounds_are_refused_with_a_reason(sample: zenoh.Sample, reason: str) -> None:
+def test_samples_out_of_bounds_are_refused_with_a_reason(
+    sample: dict[str, Any], reason: str
+) -> None:
     with followed() as (feed, other):
         other.put(STATE, **sample)
         (refusal,) = until_state(feed, other)
@@ -194,7 +199,7 @@ def test_what_is_lost_reaches_watchers() -> None:
     assert watched.not_taken.words() == f"{losses} lost, they came too fast"
 
 
-def wait_for_bytes(feed) -> None:
+def wait_for_bytes(feed: Feed) -> None:
     end = time.monotonic() + PATIENCE
     while not feed._inbox._lost:
         assert time.monotonic() < end
@@ -222,7 +227,7 @@ def test_a_clock_that_is_set_moves_no_times(monkeypatch: pytest.MonkeyPatch) -> 
         assert 0.0 <= clock.seconds() - before * 1e-9 < 60.0
 
 
-def shifted(events, first, hours):
+def shifted(events: list[Event], first: int, hours: int) -> list[Event]:
     """Events of a recording made while the wall clock was set, by a recorder that believed it."""
     step = hours * 3600 * 1_000_000_000
     return [
@@ -242,11 +247,11 @@ def test_a_recording_made_while_the_clock_was_set_plays(hours: int) -> None:
     slept: list[float] = []
     shown: list[Event] = []
 
-    class Player:
-        def publish(self, event) -> None:
+    class Shown:
+        def publish(self, event: Event) -> None:
             shown.append(event)
 
-    play(odd, Player(), clock=lambda: sum(slept), sleep=slept.append)
+    play(odd, cast(Player, Shown()), clock=lambda: sum(slept), sleep=slept.append)
     assert len(shown) == len(odd)
     assert sum(slept) == pytest.approx(3.0 if hours < 0 else 62.9, abs=0.2)
     times = [event.received for event in shown]

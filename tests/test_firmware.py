@@ -1,7 +1,6 @@
 """Effects of each of the 18 commands on the robot; nothing on the line ever raises."""
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +43,7 @@ def robot(world: World) -> Robot:
 
 
 @pytest.fixture
-def ask(robot: Robot) -> Callable[..., Any]:
+def ask(robot: Robot) -> Callable[[bytes], bytes]:
     return Firmware(robot).execute
 
 
@@ -53,17 +52,17 @@ def ticks(robot: Robot, count: int) -> None:
         robot.tick()
 
 
-def test_a_configures_the_speed_controller(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_a_configures_the_speed_controller(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"A,1000,200,30") == b"a\r\n"
     assert [wheel.speed_gains for wheel in robot.wheels] == [Gains(1000, 200, 30)] * 2
 
 
-def test_b_reads_the_versions(world: World, ask: Callable[..., Any]) -> None:
+def test_b_reads_the_versions(world: World, ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"B") == b"b,5.01,5.00\r\n"
     assert Firmware(make(world, KHEPERA2)).execute(b"B") == b"b,5.02,5.01\r\n"
 
 
-def test_c_goes_to_a_position(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_c_goes_to_a_position(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"C,100,-100") == b"c\r\n"
     assert ask(b"K") == b"k,0,0,100,0,0,-100\r\n"
     ticks(robot, 200)
@@ -71,43 +70,44 @@ def test_c_goes_to_a_position(robot: Robot, ask: Callable[..., Any]) -> None:
     assert ask(b"K").startswith(b"k,1,0,")
 
 
-def test_d_sets_and_e_reads_the_speed(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_d_sets_and_e_reads_the_speed(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"D,10,-5") == b"d\r\n"
     ticks(robot, 100)
     left, right = map(int, ask(b"E").decode().strip().split(",")[1:])
-    assert (left, right) == (pytest.approx(10, abs=1), pytest.approx(-5, abs=1))
+    assert left == pytest.approx(10, abs=1)
+    assert right == pytest.approx(-5, abs=1)
     status = ask(b"K").decode().strip().split(",")
     assert [status[1], status[2], status[4], status[5]] == ["0", "1", "0", "1"]
     assert int(status[3]) == 10 - left
     assert int(status[6]) == -5 - right
 
 
-def test_f_configures_the_position_controller(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_f_configures_the_position_controller(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"F,1,2,3") == b"f\r\n"
     assert [wheel.position_gains for wheel in robot.wheels] == [Gains(1, 2, 3)] * 2
 
 
-def test_g_sets_and_h_reads_the_counters(ask: Callable[..., Any]) -> None:
+def test_g_sets_and_h_reads_the_counters(ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"G,2147483647,-2147483648") == b"g\r\n"
     assert ask(b"H") == b"h,2147483647,-2147483648\r\n"
 
 
-def test_i_reads_an_input(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_i_reads_an_input(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     robot.panel.analogue[3] = 512
     assert ask(b"I,3") == b"i,512\r\n"
     assert ask(b"I,0") == b"i,600\r\n"
 
 
-def test_j_configures_each_wheel_profile(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_j_configures_each_wheel_profile(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"J,30,40,50,60") == b"j\r\n"
     assert [wheel.profile for wheel in robot.wheels] == [Profile(30, 40), Profile(50, 60)]
 
 
-def test_k_after_power_on(ask: Callable[..., Any]) -> None:
+def test_k_after_power_on(ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"K") == b"k,0,1,0,0,1,0\r\n"
 
 
-def test_l_changes_the_leds(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_l_changes_the_leds(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     assert robot.panel.leds == [False, False]
     for request, leds in (
         (b"L,1,2", [False, True]),
@@ -122,7 +122,7 @@ def test_l_changes_the_leds(robot: Robot, ask: Callable[..., Any]) -> None:
 
 @pytest.mark.parametrize(("request_line", "letter"), [(b"N", b"n"), (b"O", b"o")])
 def test_n_and_o_read_the_latest_scan(
-    robot: Robot, ask: Callable[..., Any], request_line: bytes, letter: bytes
+    robot: Robot, ask: Callable[[bytes], bytes], request_line: bytes, letter: bytes
 ) -> None:
     first = ask(request_line)
     assert first.split(b",")[0] == letter
@@ -134,14 +134,14 @@ def test_n_and_o_read_the_latest_scan(
     assert ask(request_line) != first
 
 
-def test_p_sets_the_duty(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_p_sets_the_duty(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"P,128,-128") == b"p\r\n"
     assert [wheel.mode for wheel in robot.wheels] == [Mode.DUTY] * 2
     assert [wheel.set_duty for wheel in robot.wheels] == [128, -128]
     assert ask(b"K") == b"k,0,1,0,0,1,0\r\n"
 
 
-def test_r_and_w_use_the_bus(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_r_and_w_use_the_bus(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"R,32") == b"r,255\r\n"
     robot.panel.inputs[32] = 15
     assert ask(b"R,32") == b"r,15\r\n"
@@ -150,14 +150,14 @@ def test_r_and_w_use_the_bus(robot: Robot, ask: Callable[..., Any]) -> None:
 
 
 @pytest.mark.parametrize("line", [b"T,1,B", b"T,2,N", b"T,255,X,1"])
-def test_t_finds_no_turret(ask: Callable[..., Any], line: bytes) -> None:
+def test_t_finds_no_turret(ask: Callable[[bytes], bytes], line: bytes) -> None:
     assert ask(line) == b"z,Turret order not supported\r\n"
 
 
 @pytest.mark.parametrize("last", [b"C,50,50", b"D,3,3", b"P,40,40"])
 @pytest.mark.parametrize("first", [b"C,50,50", b"D,3,3", b"P,40,40"])
 def test_the_last_of_c_d_and_p_wins(
-    robot: Robot, ask: Callable[..., Any], first: bytes, last: bytes
+    robot: Robot, ask: Callable[[bytes], bytes], first: bytes, last: bytes
 ) -> None:
     ask(first)
     ticks(robot, 5)
@@ -167,7 +167,7 @@ def test_the_last_of_c_d_and_p_wins(
 
 
 def test_restart_sends_the_banner_and_sets_everything_back(
-    robot: Robot, ask: Callable[..., Any]
+    robot: Robot, ask: Callable[[bytes], bytes]
 ) -> None:
     for line in (b"D,10,10", b"A,1,1,1", b"F,1,1,1", b"J,1,1,1,1", b"L,1,1", b"W,1,1"):
         ask(line)
@@ -186,29 +186,29 @@ def test_restart_sends_the_banner_and_sets_everything_back(
     assert robot.chassis.pose == place
 
 
-def test_there_is_no_watchdog(robot: Robot, ask: Callable[..., Any]) -> None:
+def test_there_is_no_watchdog(robot: Robot, ask: Callable[[bytes], bytes]) -> None:
     ask(b"D,5,-5")
     ticks(robot, 6000)
     assert robot.wheels[0].counter == pytest.approx(30_000, rel=0.01)
 
 
 @pytest.mark.parametrize("word", sorted(TOOLS))
-def test_every_tool_answers_in_lines(ask: Callable[..., Any], word: str) -> None:
+def test_every_tool_answers_in_lines(ask: Callable[[bytes], bytes], word: str) -> None:
     answer = ask(word.encode())
     assert answer.endswith(b"\r\n")
     assert all(line and line.isascii() for line in answer.removesuffix(b"\r\n").split(b"\r\n"))
 
 
-def test_memory_is_told_as_by_a_real_robot(ask: Callable[..., Any]) -> None:
+def test_memory_is_told_as_by_a_real_robot(ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"memory").startswith(b"First free ROM address:   16'00012490, used 57%\r\n")
 
 
 @pytest.mark.parametrize("line", [b"M", b" ", b"n", b"?", b"run nothing"])
-def test_unknown_words_are_not_found(ask: Callable[..., Any], line: bytes) -> None:
+def test_unknown_words_are_not_found(ask: Callable[[bytes], bytes], line: bytes) -> None:
     assert ask(line) == b"Command not found\r\n"
 
 
-def test_a_wrong_number_of_arguments_is_a_protocol_error(ask: Callable[..., Any]) -> None:
+def test_a_wrong_number_of_arguments_is_a_protocol_error(ask: Callable[[bytes], bytes]) -> None:
     assert ask(b"D,5") == b"z,Protocol error\r\n"
 
 

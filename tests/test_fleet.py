@@ -27,7 +27,7 @@ def setup(*starts: dict[str, float], seed: int = 0, drift: str = "none", **parts
 
 @pytest.fixture
 def fleet() -> Iterator[Callable[..., list[Emulator]]]:
-    opened = []
+    opened: list[list[Emulator]] = []
 
     def make(size: int, *starts: dict[str, float], **options: Any) -> list[Emulator]:
         opened.append(make_fleet(setup(*starts, **options), size))
@@ -243,7 +243,12 @@ class TestSight:
         post = {"centre": [0.07, 0.0], "radius": DIAMETER / 2, "colour": [grey] * 3}
         white = {**post, "colour": [1, 1, 1]}
         readings = []
-        for size, parts in ((2, {}), (1, {"cylinder": [post]}), (1, {"cylinder": [white]})):
+        worlds: list[tuple[int, dict[str, Any]]] = [
+            (2, {}),
+            (1, {"cylinder": [post]}),
+            (1, {"cylinder": [white]}),
+        ]
+        for size, parts in worlds:
             robots = make_fleet(setup({"x": 0.07, "y": 0.0}, **parts), size)
             readings.append([int(word) for word in ask(robots[0], b"N").split(b",")[1:]])
             robots[0].close()
@@ -319,7 +324,7 @@ class TestReset:
 
     def test_with_a_seed_concerns_all(self, fleet: Callable[..., list[Emulator]]) -> None:
         def run(robots: list[Emulator]) -> list[bytes | Pose]:
-            seen = []
+            seen: list[bytes | Pose] = []
             begin = robots[0].now
             for step in range(20):
                 for robot, line in zip(robots, (b"D,9,7", b"D,5,8"), strict=True):

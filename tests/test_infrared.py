@@ -12,7 +12,7 @@ from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.models import KHEPERA, KHEPERA2, Model
 from khepera_emulator.senses.infrared import Infrared
 from khepera_emulator.world.floor_plan import FloorPlan, Surroundings
-from khepera_emulator.world.solids import Brick, Disc
+from khepera_emulator.world.solids import Brick, Disc, Footprint
 
 # S. Nolfi's samples of a first Khepera: gap in mm, mean of the eight sensors at their lobes
 NOLFI = {
@@ -52,7 +52,7 @@ def before_wall(model: Model, gap: float, off: float = 0.0, noise: bool = False)
     wall = {"points": [[1.005, -5.0], [1.005, 5.0]]}
     infrared = ring(model, wall=[wall])
     x = 1.0 - gap - model.radius
-    readings = []
+    readings: list[float] = []
     for sensor, direction in enumerate(model.sensor_directions):
         place = (x, 0.0, radians(off) - direction)
         if noise:
@@ -150,7 +150,8 @@ def gaps_in_arrays(
     dim = 0.5 * (1.0 - grey) * np.maximum(reach - distances, 0.0)
     gaps = (distances + dim).reshape(8, 5) + 7.2e-6 * fan**2
     aside = np.array(model.sensor_directions) - np.array(model.sensor_bearings)
-    return gaps.min(axis=1) - model.radius * (1.0 - np.cos(aside))
+    nearest: np.ndarray = gaps.min(axis=1)
+    return nearest - model.radius * (1.0 - np.cos(aside))
 
 
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2])
@@ -165,7 +166,10 @@ def test_gaps_are_those_of_all_rays(model: Model) -> None:
             cylinder=[{"centre": [0.0, -0.1], "radius": 0.01, "colour": [0.2, 0.2, 0.2]}],
         )
     )
-    movers = [Disc(0.0, 0.0, 0.02, 0.4), Brick(-0.1, -0.05, 0.3, (0.05, 0.02), 1.0)]
+    movers: list[Footprint] = [
+        Disc(0.0, 0.0, 0.02, 0.4),
+        Brick(-0.1, -0.05, 0.3, (0.05, 0.02), 1.0),
+    ]
     scene = Surroundings(plan, movers)
     infrared = Infrared(model, scene, (), np.random.default_rng(0))
     reach = model.proximity.gaps[-1]

@@ -90,7 +90,7 @@ def described(session: zenoh.Session, key: Key) -> None:
     name = key.pattern.replace("<robot>", "khepera")
     reply = ask(session, f"{name}?describe").ok
     assert str(not_none(reply).encoding) == SCHEMA_MEDIA_TYPE
-    assert json.loads(not_none(reply).payload.to_string()) == schema_of(key.payload)
+    assert json.loads(not_none(reply).payload.to_string()) == schema_of(not_none(key.payload))
 
 
 def test_the_encodings_of_the_table_are_those_of_the_samples() -> None:

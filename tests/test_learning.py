@@ -1,6 +1,7 @@
 """A recording trains a map: what was driven is learned as if it happened now."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +31,7 @@ from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.runs.agent import NO_PLAN, Agent, Step
 from macor_hil.runs.decision_samples import decision_of
 from macor_hil.runs.recorded_drives import learn
-from macor_hil.telemetry.feed import Arrival, Presence
+from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.recordings.recording import Recorder
 
 CHOICES = [0, 0, 1, 2, 0, 1]
@@ -114,7 +115,7 @@ def test_a_frame_that_did_not_arrive_breaks_the_chain_and_nothing_else(
     )
 
 
-def learned_from(*recordings: list[Arrival | Presence]) -> tuple[int, bytes, bytes]:
+def learned_from(*recordings: Sequence[Event]) -> tuple[int, bytes, bytes]:
     brain = build_brain()
     driven = learn(brain, recordings, np.random.default_rng(0))
     return (

@@ -56,7 +56,7 @@ def test_each_line_drives_its_own_robot(running: tuple[Path, str, list[str]]) ->
 
         def truth(number: int) -> Truth:
             (reply,) = peer.get(f"khepera/kheep-{number}/truth", timeout=PATIENCE)
-            return truth_of(reply.ok)
+            return truth_of(not_none(reply.ok))
 
         before = [truth(number) for number in (1, 2, 3)]
         with (
@@ -83,7 +83,7 @@ def test_each_has_a_camera_and_a_reset(running: tuple[Path, str, list[str]]) -> 
         assert not_none(picture.ok).payload.to_bytes().startswith(b"\x89PNG")
         place = '{"pose": {"x": 0.4, "y": 0.4, "heading": 0}}'
         (reply,) = peer.get("khepera/kheep-2/reset", payload=place, timeout=PATIENCE)
-        assert truth_of(reply.ok).pose.x == 0.4
+        assert truth_of(not_none(reply.ok)).pose.x == 0.4
         (reply,) = peer.get("khepera/kheep-1/reset", payload=place, timeout=PATIENCE)
         assert "no room for the robot" in not_none(reply.err).payload.to_string()
 

@@ -40,13 +40,13 @@ PATIENCE = 10.0
 KEYS = [f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state")]
 
 
-def text_of(watched, now: float = 100.0, width: int = 80) -> str:
-    console = Console(file=io.StringIO(), width=width, height=24)
-    console.print(render(watched, now))
-    return console.file.getvalue()
+def text_of(watched: RobotState, now: float = 100.0, width: int = 80) -> str:
+    screen = io.StringIO()
+    Console(file=screen, width=width, height=24).print(render(watched, now))
+    return screen.getvalue()
 
 
-def a_watched(**changes: Any):
+def a_watched(**changes: Any) -> RobotState:
     watched = RobotState("khepera", Controlled(alive=True, met=True, state=a_state()))
     watched.controlled.decide(a_decision(3, **changes), 99.5)
     return watched
@@ -219,12 +219,12 @@ def test_a_bad_name_is_refused() -> None:
         watch(session, "a/**")
 
 
-def wait_for(watcher, what: Callable[..., Any]) -> None:
+def wait_for(watcher: Follower, what: Callable[[], bool]) -> None:
     watcher.follow(PATIENCE, until=what)
     assert what()
 
 
-def live_and_go(endpoint: str, watcher, commands: int) -> None:
+def live_and_go(endpoint: str, watcher: Follower, commands: int) -> None:
     """A controller appears, drives some commands, and goes; the watcher must see all of it."""
     with open_session([], [endpoint]) as session, Publisher(session, "khepera") as publisher:
         wait_for(watcher, lambda: watcher.watched.controlled.alive)

@@ -73,8 +73,8 @@ class Exhaustive:
         """The pose after a command; None: it collides on the way."""
         count = ceil(max(ways) / 0.0055)
         for k in range(1, count + 1):
-            counts = tuple(way / PULSE * k / count for way in ways)
-            there = integrate(pose, (0, 0), counts)
+            left, right = (way / PULSE * k / count for way in ways)
+            there = integrate(pose, (0, 0), (left, right))
             if self.collides(there):
                 return None
         return there
@@ -128,8 +128,7 @@ def test_the_drive_that_it_tells_is_one(x: float, y: float, heading: float) -> N
     search, pose = Exhaustive(TIGHT), Pose(x=x, y=y, heading=heading)
     found = oracle(TIGHT).longest_drive(pose, 40)
     for command in found.commands:
-        pose = search.after(pose, PAPER_COMMANDS[command])
-        assert pose is not None
+        pose = not_none(search.after(pose, PAPER_COMMANDS[command]))
 
 
 def test_narrow_layers_find_true_drives_and_say_that_longer_ones_may_be_there() -> None:
@@ -141,8 +140,7 @@ def test_narrow_layers_find_true_drives_and_say_that_longer_ones_may_be_there() 
         assert few.length <= many.length
         pose = start
         for command in few.commands:
-            pose = search.after(pose, PAPER_COMMANDS[command])
-            assert pose is not None
+            pose = not_none(search.after(pose, PAPER_COMMANDS[command]))
 
 
 def test_a_whole_circle_is_possible_where_there_is_room() -> None:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -52,7 +53,7 @@ MAY_FAIL = {
 }
 
 
-def without_extras(code, *arguments: str):
+def without_extras(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run Python code where nothing can be imported that only an extra brings."""
     block = f"import sys; sys.modules.update(dict.fromkeys({list(NEEDS)}));"
     return subprocess.run(
@@ -64,7 +65,7 @@ def without_extras(code, *arguments: str):
     )
 
 
-def modules(package):
+def modules(package: str) -> Iterator[str]:
     for file in sorted((ROOT / package).rglob("*.py")):
         parts = file.relative_to(ROOT).with_suffix("").parts
         if parts[-1] != "__main__":
@@ -85,7 +86,7 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
         if file.is_file()
     }
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"]
-    command += ["--no-build-isolation", "--wheel-dir", tmp_path, source]
+    command += ["--no-build-isolation", "--wheel-dir", str(tmp_path), str(source)]
     subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     assert files <= set(zipfile.ZipFile(wheel).namelist())

@@ -1,7 +1,6 @@
 """Requests and replies against the worked examples of the protocol's specification."""
 
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -203,7 +202,7 @@ def test_a_reply_of_another_turret_is_refused() -> None:
 def requests(draw: st.DrawFn) -> Request:
     command = COMMANDS[draw(st.sampled_from(sorted(COMMANDS)))]
     numbers = tuple(draw(st.integers(field.low, field.high)) for field in command.request)
-    rest = ()
+    rest: tuple[str, ...] = ()
     if command.open_ended:
         word = st.text("ABCDEFGH0123456789", min_size=1, max_size=5)
         rest = tuple(draw(st.lists(word, min_size=1, max_size=4)))
@@ -249,7 +248,9 @@ def test_the_short_way_to_read_a_reply_is_the_table_s(request: Request, data: Da
         assert _outcome(parse_reply, request, line) == _outcome(_parse_by_table, request, line)
 
 
-def _outcome(parse: Callable[..., Any], request: Request, line: bytes) -> Reply | str:
+def _outcome(
+    parse: Callable[[Request, bytes], Reply], request: Request, line: bytes
+) -> Reply | str:
     try:
         return parse(request, line)
     except ReplyError as error:

@@ -12,7 +12,6 @@ import pytest
 from hostile_inputs import Hostile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from hypothesis.strategies._internal.strategies import OneOfStrategy
 from khepera_protocol.zenoh.payloads import Pose, Reset
 from worlds import arena
 
@@ -174,7 +173,7 @@ def test_more_stretches_and_posts_than_can_be_simulated_are_refused(tmp_path: Pa
         load_arena(str(path))
 
 
-def numbers(low: float, high: float) -> OneOfStrategy:
+def numbers(low: float, high: float) -> st.SearchStrategy[float]:
     """Numbers from one bound to another, both of them often."""
     return st.sampled_from([low, high]) | st.floats(low, high)
 

@@ -51,7 +51,7 @@ def check_sentence(error: EmulatorError | serial.serialutil.SerialException) -> 
     assert len(sentence) < LONGEST
 
 
-def settings_of(hostile: Hostile, number: int):
+def settings_of(hostile: Hostile, number: int) -> settings:
     return settings(
         max_examples=hostile.examples(number),
         deadline=None,
@@ -419,21 +419,21 @@ class TestConnections:
         port.close()
 
 
-def cooked(settings: Sequence[int | list[bytes | int]]) -> None:
+def cooked(settings: list[Any]) -> None:
     settings[0] |= termios.ICRNL | termios.IXON
     settings[3] |= termios.ICANON | termios.ECHO | termios.ISIG
 
 
-def odd(settings: Sequence[int | list[bytes | int]]) -> None:
+def odd(settings: list[Any]) -> None:
     settings[2] = settings[2] & ~termios.CSIZE | termios.CS5 | termios.PARENB
     settings[4] = settings[5] = termios.B50
 
 
-def hung_up(settings: Sequence[int | list[bytes | int]]) -> None:
+def hung_up(settings: list[Any]) -> None:
     settings[4] = settings[5] = termios.B0
 
 
-def setting_of(change: Callable[..., Any]) -> Callable[..., Any]:
+def setting_of(change: Callable[[list[Any]], None]) -> Callable[[PtyPort, int], None]:
     def act(_: PtyPort, terminal: int) -> None:
         settings = termios.tcgetattr(terminal)
         change(settings)

@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from as_type import not_none
 from damage import damaged
 from hostile_inputs import Hostile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.strategies._internal.lazy import LazyStrategy
 from test_map_file import a_brain
 
 from macor_hil.errors import MapError
@@ -63,7 +63,7 @@ def arrays_of(data: bytes) -> dict[str, np.ndarray]:
 
 def map_of(arrays: dict[str, np.ndarray]) -> bytes:
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
+    np.savez_compressed(buffer, **cast(dict[str, Any], arrays))
     return buffer.getvalue()
 
 
@@ -144,7 +144,7 @@ def test_maps_with_damage_behind_their_checksums(
     check()
 
 
-def _of(members: dict[str, bytes], name: str) -> LazyStrategy:
+def _of(members: dict[str, bytes], name: str) -> st.SearchStrategy[bytes]:
     return damaged(members[name])
 
 
@@ -283,7 +283,7 @@ def test_impossible_settings_are_refused_when_a_map_is_read(
         load_map(path)
 
 
-def npy_of(shape: tuple[int], kind: str = "<f8", data: bytes = b"") -> bytes:
+def npy_of(shape: tuple[int, ...] | str, kind: str = "<f8", data: bytes = b"") -> bytes:
     header = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
     return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + data
 
@@ -347,7 +347,8 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
 
 
 SCHEDULE = Schedule(tuning=20, random=30, session=10)
-HARDWARE = (SimpleNamespace(settings=DriveSettings()), None, None)
+# nothing of it is ever used but the settings
+HARDWARE: Any = (SimpleNamespace(settings=DriveSettings()), None, None)
 FACTS = {"place": "here", "schedule": asdict(SCHEDULE), "drive": asdict(DriveSettings())}
 
 
@@ -383,7 +384,7 @@ def test_odd_checkpoints_are_refused_before_anything_is_driven(
     known = json.loads(json.dumps(FACTS, default=str))
     save_map(checkpoint_path(path), brain, {**known, **facts})
     with pytest.raises(MapError, match="begin anew with --restart"):
-        train_map(path, brain.settings, SCHEDULE, "here", HARDWARE, lambda _: None)
+        train_map(path, not_none(brain.settings), SCHEDULE, "here", HARDWARE, lambda _: None)
     assert not path.exists()
 
 
@@ -391,6 +392,6 @@ def test_a_checkpoint_with_other_settings_is_another_training(tmp_path: Path) ->
     path = tmp_path / "map.npz"
     brain = build_brain(MindSettings(nodes=7))
     save_map(checkpoint_path(path), brain, {**FACTS, "sessions": 0})
-    other = replace(brain.settings, nodes=8)
+    other = replace(not_none(brain.settings), nodes=8)
     with pytest.raises(MapError, match="settings differ"):
         train_map(path, other, SCHEDULE, "here", HARDWARE, lambda _: None)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from urllib.parse import urlsplit
 
 import pytest
+from as_type import not_none
 from controller_helpers import free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
 from hostile_inputs import Hostile
@@ -48,7 +49,7 @@ OURS = ["127.0.0.1:{port}", "localhost:{port}", "[::1]:{port}", "LOCALHOST:9000"
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
     with dashboard("--connect", "tcp/127.0.0.1:9") as address:
-        number = urlsplit(address).port
+        number = not_none(urlsplit(address).port)
         wait_for(number)
         yield number
 
@@ -69,7 +70,7 @@ def test_samples_of_no_robot_neither_stop_nor_swell_the_dashboard(hostile: Hosti
         dashboard("--connect", endpoint) as address,
     ):
         wait_until_watched(session, "macor/khepera/map")
-        number = urlsplit(address).port
+        number = not_none(urlsplit(address).port)
         wait_for(number)
         for key, data in evil:
             hostile.count("page")

@@ -13,8 +13,6 @@ import pytest
 from hostile_inputs import Hostile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.strategies._internal.lazy import LazyStrategy
-from hypothesis.strategies._internal.strategies import OneOfStrategy
 from khepera_protocol.zenoh.controller_payloads import Decision, Learned
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, KEYS, PAYLOADS
 from khepera_protocol.zenoh.payload_model import MOST_JSON, PayloadError
@@ -27,7 +25,7 @@ from macor_hil.monitor.dashboard import arena, charts, eyes, texts
 from macor_hil.monitor.robot_state import RobotState
 from macor_hil.monitor.terminal_view import render
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.feed import Arrival, Presence
+from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
 
 MODELS = sorted(EXAMPLES, key=lambda model: model.__name__)
@@ -89,10 +87,10 @@ def places(value: Any, place: tuple[int | str, ...] = ()) -> Iterator[tuple[int 
             yield from places(each, (*place, key))
 
 
-def put(value: Any, place: tuple[int | str, ...], odd: Any):
+def put(value: Any, place: tuple[int | str, ...], odd: Any) -> Any:
     if not place:
         return odd
-    copy = dict(value) if isinstance(value, dict) else list(value)
+    copy: Any = dict(value) if isinstance(value, dict) else list(value)
     copy[place[0]] = put(copy[place[0]], place[1:], odd)
     return copy
 
@@ -113,7 +111,7 @@ def damaged(draw: st.DrawFn, model: Any) -> bytes:
     return data
 
 
-def numbers(schema: dict[str, float | str]) -> OneOfStrategy:
+def numbers(schema: dict[str, Any]) -> st.SearchStrategy[float]:
     low = schema.get("minimum", schema.get("exclusiveMinimum", 0))
     high = schema["maximum"]
     if schema["type"] == "integer":
@@ -122,7 +120,7 @@ def numbers(schema: dict[str, float | str]) -> OneOfStrategy:
     return st.one_of(st.sampled_from([least, high]), st.floats(least, high))
 
 
-def within(schema: dict[str, Any]):
+def within(schema: dict[str, Any]) -> st.SearchStrategy[Any]:
     """Values at and between the bounds of a schema."""
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
@@ -221,7 +219,7 @@ def test_long_lists_of_nonsense_end_at_the_first(
         Decision.parse(json.dumps(value).encode()[:MOST_JSON])
 
 
-def show_everything(watched, now: float) -> None:
+def show_everything(watched: RobotState, now: float) -> None:
     """All that is drawn and said of a robot; drawings are well-formed, texts harmless."""
     seen = watched.controlled
     drawings = [
@@ -247,9 +245,10 @@ def show_everything(watched, now: float) -> None:
         *texts.wire(watched).split("\n"),
     ]
     assert all(text.isprintable() for text in said)
-    console = Console(file=io.StringIO(), width=80, height=24, force_terminal=True)
+    screen = io.StringIO()
+    console = Console(file=screen, width=80, height=24, force_terminal=True)
     console.print(render(watched, now))
-    picture = console.file.getvalue()
+    picture = screen.getvalue()
     assert "\x1b]" not in picture  # neither titles nor links
     assert "\x1b[2J" not in picture
     # 24 lines, and those of a name that is as wide as a line
@@ -277,7 +276,7 @@ def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(
     @given(moments)
     def shown(samples: Sequence[tuple[tuple[str, str], dict[str, float | object | str]]]) -> None:
         watched = RobotState("khepera")
-        events = [Presence(EMULATOR, True, BEGIN), Presence(CONTROLLER, True, BEGIN)]
+        events: list[Event] = [Presence(EMULATOR, True, BEGIN), Presence(CONTROLLER, True, BEGIN)]
         events += [arrival(key, written(value)) for key, value in samples]
         hostile.count("payloads", len(samples))
         with Recorder(tmp_path / "x.mcap", "khepera") as recorder:
@@ -295,7 +294,7 @@ def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(
 def test_whatever_comes_on_any_key_ends_nobody(hostile: Hostile, tmp_path: Path) -> None:
     keys = [(key.side, key.leaf) for key in KEYS if key.published]
 
-    def of(key: tuple[str, str]) -> LazyStrategy:
+    def of(key: tuple[str, str]) -> st.SearchStrategy[tuple[tuple[str, str], bytes]]:
         texts = damaged(PAYLOADS[key]) if key in PAYLOADS else st.binary(max_size=100)
         return st.tuples(st.just(key), st.one_of(texts, st.binary(max_size=20)))
 

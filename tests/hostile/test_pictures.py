@@ -156,8 +156,8 @@ ways = st.sampled_from(["flip", "cut", "insert", "drop"])
 damages = st.lists(st.tuples(ways, st.integers(0), st.binary(max_size=8)), min_size=1, max_size=6)
 
 
-def damaged(data: bytes, damage: list[tuple[str, int, bytes]]) -> bytes:
-    data = bytearray(data)
+def damaged(whole: bytes, damage: list[tuple[str, int, bytes]]) -> bytes:
+    data = bytearray(whole)
     for what, number, some in damage:
         at = number % (len(data) + 1)
         if what == "flip" and at < len(data):
@@ -243,7 +243,7 @@ STAMPS = [
 def test_a_camera_on_zenoh_is_refused_by_name_whatever_it_answers(hostile: Hostile) -> None:
     cut = [whole[:-3] for whole in WHOLE.values()]
     pictures = [*BOMBS.values(), *(data for _, data in CHANNELS), *cut, b"", b"flour"]
-    answers = [(picture, None) for picture in pictures]
+    answers: list[tuple[bytes, bytes | None]] = [(picture, None) for picture in pictures]
     answers += [(WHOLE["PNG"], stamp) for stamp in STAMPS]
     left = iter(answers)
     endpoint = free_endpoint()

@@ -35,7 +35,7 @@ class Bench:
     def __init__(self, channel: SideChannel, session: zenoh.Session, emulator: Emulator) -> None:
         self.channel, self.session, self.emulator = channel, session, emulator
 
-    def ask(self, key: str, payload: str | None = None) -> list[zenoh.Reply]:
+    def ask(self, key: str, payload: bytes | str | None = None) -> list[zenoh.Reply]:
         """All replies to a query that reaches one of the keys."""
         replies = self.session.get(key, payload=payload, timeout=PATIENCE)
         with ThreadPoolExecutor(1) as other:
@@ -45,11 +45,11 @@ class Bench:
                 self.channel.serve(self.emulator)
         return told.result()
 
-    def reply(self, leaf: str, payload: str | None = None) -> zenoh.Reply:
+    def reply(self, leaf: str, payload: bytes | str | None = None) -> zenoh.Reply:
         (reply,) = self.ask(f"khepera/khepera/{leaf}", payload)
         return reply
 
-    def refusal(self, leaf: str, payload: str | None = None) -> str:
+    def refusal(self, leaf: str, payload: bytes | str | None = None) -> str:
         reply = self.reply(leaf, payload)
         assert reply.ok is None
         return not_none(reply.err).payload.to_string()
@@ -178,7 +178,7 @@ def test_every_payload_is_answered(bench: Bench, hostile: Hostile) -> None:
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
     )
     @given(st.sampled_from(LEAVES), payloads)
-    def answered(leaf, payload) -> None:
+    def answered(leaf: str, payload: bytes | str | None) -> None:
         hostile.count("queries: payloads")
         reply = bench.reply(leaf, payload)
         if reply.ok is None:

@@ -34,6 +34,7 @@ from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.recorded_drives import learn
 from macor_hil.telemetry.feed import Arrival, Presence
 from macor_hil.telemetry.recordings.mcap_file import Damage, read_messages
+from macor_hil.telemetry.recordings.mcap_file import Message as KeptMessage
 from macor_hil.telemetry.recordings.recording import Recorder, play_recording, read_recording
 
 MIB = 1 << 20
@@ -92,7 +93,7 @@ def read(path: Path, data: bytes) -> list[Arrival | Presence]:
         return []
 
 
-def assert_one_sentence(error: RecordingError, path: Path | str) -> None:
+def assert_one_sentence(error: MacorError, path: Path | str) -> None:
     assert str(path) in str(error)
     assert str(error).isprintable()
 
@@ -289,7 +290,7 @@ def test_learning_from_damaged_samples(hostile: Hostile) -> None:
     events = a_life(3)
     samples = [k for k, event in enumerate(events) if getattr(event, "leaf", "") in LEARNED]
     damages = st.sampled_from(samples).flatmap(
-        lambda k: st.tuples(st.just(k), damaged(events[k].data))
+        lambda k: st.tuples(st.just(k), damaged(as_type(Arrival, events[k]).data))
     )
 
     @settings(max_examples=hostile.examples(60))
@@ -298,7 +299,7 @@ def test_learning_from_damaged_samples(hostile: Hostile) -> None:
         hostile.count("learning")
         odd = list(events)
         for k, data in damage:
-            odd[k] = replace(odd[k], data=data)
+            odd[k] = replace(as_type(Arrival, odd[k]), data=data)
         brain = build_brain(MindSettings(nodes=5))
         try:
             assert 0 < learn(brain, [odd], np.random.default_rng(0)) <= 3
@@ -337,7 +338,7 @@ def test_other_robots_are_left_out(tmp_path: Path) -> None:
 STATE = channel_of(2, "macor/k/state")
 
 
-def zstd_claiming(size):
+def zstd_claiming(size: int) -> bytes:
     """A frame that says it has so many bytes, and has one."""
     return b"\x28\xb5\x2f\xfd\xe0" + size.to_bytes(8, "little") + b"\x09\0\0x"
 
@@ -411,11 +412,11 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
 
 
 def test_an_independent_reader_agrees_on_every_message(whole: bytes) -> None:
-    theirs = []
+    theirs: list[Message] = []
     for record in StreamReader(io.BytesIO(whole), emit_chunks=True).records:
         if isinstance(record, Chunk):
             theirs += [r for r in breakup_chunk(record) if isinstance(r, Message)]
-    ours = list(read_messages(io.BytesIO(whole)))
+    ours = [as_type(KeptMessage, m) for m in read_messages(io.BytesIO(whole))]
     assert [(m.sequence, m.log_time, m.publish_time, m.data) for m in ours] == [
         (m.sequence, m.log_time, m.publish_time, m.data) for m in theirs
     ]

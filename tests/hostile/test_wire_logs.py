@@ -71,7 +71,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, Recording]:
 
 
 @st.composite
-def damages(draw: DrawFn, length: int):
+def damages(draw: DrawFn, length: int) -> tuple[list[tuple[tuple[int, int], bytes]], bool]:
     """Damage of a log: places, how many bytes go, what comes instead."""
     places = st.tuples(st.integers(0, length), st.integers(0, 40))
     new = st.sampled_from(NASTY) | st.binary(max_size=8)
