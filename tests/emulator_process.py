@@ -19,7 +19,7 @@ class EmulatorProcess:
     """A running emulator; `announcement` is the line it printed, `path` its terminal."""
 
     def __init__(self, *options: str, **popen: Any) -> None:
-        self.process = subprocess.Popen(
+        self.process: subprocess.Popen[str] = subprocess.Popen(
             [*COMMAND, *options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -50,7 +50,7 @@ def floor(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def calibrate(floor: Path, drift: str, seed: int, runs: int) -> tuple[Calibration, Wheels]:
     """The calibration of an emulated robot, and its true wheels."""
     with open_hardware(f"khepera://{floor}?seed={seed}&drift={drift}", baud=38400) as hardware:
-        ruler = BenchRuler(hardware.bench)
+        ruler = BenchRuler(not_none(hardware.bench))
         done = drive_all(Driver(hardware.robot), moves(0.5), runs, ruler.place, ruler.measure)
         found = fit_wheels(list(done), Wheels())
         hidden = not_none(hardware.bench).truth().drift

@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from math import radians
 from typing import Any
 
@@ -42,7 +43,7 @@ def a_watched(**changes: Any) -> RobotState:
     return watched
 
 
-DRAWINGS = {
+DRAWINGS: dict[str, Callable[[RobotState], str]] = {
     "arena": arena.arena,
     "mirror": eyes.mirror,
     "panorama": eyes.panorama,

@@ -11,6 +11,7 @@ import cv2
 import gymnasium
 import numpy as np
 import pytest
+from as_type import as_type
 from emulator_process import PATIENCE
 from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
@@ -28,6 +29,11 @@ LEFT, RIGHT, STRAIGHT = range(3)
 
 def make(name: str = IDS[0], **settings: Any) -> gymnasium.Env[Any, Any]:
     return gymnasium.make(name, **settings)
+
+
+def itself(env: gymnasium.Env[Any, Any]) -> Any:
+    """The environment without wrappers, and with all that it keeps."""
+    return env.unwrapped
 
 
 @pytest.fixture
@@ -56,7 +62,7 @@ def rollout(name: str, seed: int, steps: int = 6) -> list[Any]:
             if terminated:
                 seen, info = env.reset()
                 told.append((seen.tolist(), info))
-        return told
+    return told
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -101,11 +107,11 @@ def test_wrong_options_are_refused_and_change_nothing(
     if options == {"pose": (1e308, 0.0, 0.0)}:
         message = "x=|is not x, y and heading"  # by whoever sees it first
     env.reset(seed=1, options={"pose": (0.3, 0.0, 1.0)})
-    before = env.unwrapped._hardware.bench.truth()
+    before = itself(env)._hardware.bench.truth()
     with pytest.raises(MacorError, match=message) as caught:
         env.unwrapped.reset(seed=2, options=options)
     assert str(caught.value).isprintable()
-    assert env.unwrapped._hardware.bench.truth() == before
+    assert itself(env)._hardware.bench.truth() == before
 
 
 def test_no_options_are_as_good_as_none(env: gymnasium.Env[Any, Any]) -> None:
@@ -122,10 +128,10 @@ def test_a_command_that_is_none_is_refused(
     env: gymnasium.Env[Any, Any], action: float | list[int] | str | None
 ) -> None:
     env.reset(seed=1)
-    before = env.unwrapped._hardware.bench.truth()
+    before = itself(env)._hardware.bench.truth()
     with pytest.raises(InvalidAction, match=r"the action .* is none of 0 \(left\)"):
         env.unwrapped.step(action)
-    assert env.unwrapped._hardware.bench.truth() == before
+    assert itself(env)._hardware.bench.truth() == before
     for good in (0, np.int64(1), np.array(2)):
         env.step(good)
 
@@ -154,11 +160,11 @@ def test_a_command_that_is_none_is_refused(
 def test_wheel_speeds_outside_the_space_are_refused(action: float | list[Any] | str | None) -> None:
     with make(IDS[1]) as env:
         env.reset(seed=1)
-        before = env.unwrapped._hardware.bench.truth()
+        before = itself(env)._hardware.bench.truth()
         with pytest.raises(InvalidAction, match=r"not two speeds from -0\.16 to 0\.16") as caught:
             env.unwrapped.step(action)
         assert str(caught.value).isprintable()
-        assert env.unwrapped._hardware.bench.truth() == before
+        assert itself(env)._hardware.bench.truth() == before
 
 
 @pytest.mark.parametrize("kind", [list, tuple, np.float64, np.float32, np.float16])
@@ -169,7 +175,7 @@ def test_wheel_speeds_of_any_real_type_are_driven(kind: Any) -> None:
         warnings.simplefilter("error")
         env.reset(seed=1)
         env.unwrapped.step(action)
-        left, right = env.unwrapped._hardware.robot.request("E").values
+        left, right = itself(env)._hardware.robot.request("E").values
     assert left == pytest.approx(15, abs=1)
     assert right == pytest.approx(-10, abs=1)
 
@@ -237,15 +243,15 @@ def test_any_arc_earns_between_the_papers_values() -> None:
 def test_the_picture_of_the_camera_is_rendered_in_red_green_and_blue() -> None:
     with make(observation="mirror", render_mode="rgb_array") as env:
         seen, _ = env.reset(seed=1)
-        camera = env.unwrapped._frame.image
-        assert np.array_equal(env.render(), seen)
+        camera = itself(env)._frame.image
+        assert np.array_equal(as_type(np.ndarray, env.render()), seen)
         assert np.array_equal(seen, camera[:, :, ::-1])
 
 
 def test_many_robots_learn_at_once() -> None:
     envs = gymnasium.make_vec(IDS[0], num_envs=2, vectorization_mode="sync")
     try:
-        seen, _ = envs.reset(seed=[1, 2])
+        seen, _ = envs.reset(seed=[1, 2])  # type: ignore[arg-type]
         assert seen.shape == (2, 36)
         assert not np.array_equal(seen[0], seen[1])
     finally:
@@ -269,7 +275,7 @@ def test_the_robot_stands_when_the_environment_is_closed() -> None:
     env = make("khepera/Wheels-v0")
     env.reset(seed=1, options={"pose": (0.3, 0.0, 0.0)})
     env.step(np.full(2, 0.16, np.float32))
-    emulator = env.unwrapped._hardware.robot.port.emulator
+    emulator = itself(env)._hardware.robot.port.emulator
     at_the_end = []
 
     def close(switch_off: Callable[..., Any] = emulator.close) -> None:

@@ -114,7 +114,7 @@ class TestReplies:
 BYTE = 11 / 9600
 
 
-def line(*specs: str, baud: int = 9600) -> tuple[Uart, list[str]]:
+def line(*specs: str, baud: int | None = 9600) -> tuple[Uart, list[str]]:
     made, told = faults(*specs)
     return Uart(baud, made), told
 

@@ -11,13 +11,12 @@ from typing import Any, cast
 
 import pytest
 import zenoh
-from as_type import not_none
+from as_type import as_type, not_none
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
 from khepera_protocol.zenoh.payload_model import MOST_JSON
 from khepera_protocol.zenoh.payloads import Stamp
 from watching_helpers import a_life
 
-from khepera_emulator.line.coding import Heard
 from macor_hil.monitor.follower import Follower
 from macor_hil.monitor.robot_state import RobotState
 from macor_hil.telemetry.feed import Arrival, Event, Feed, Loss, NotTaken, Presence, Refusal
@@ -44,10 +43,10 @@ def followed() -> Iterator[tuple[Feed, zenoh.Session]]:
         yield feed, other
 
 
-def until_state(feed: Feed, other: zenoh.Session) -> list[Heard]:
+def until_state(feed: Feed, other: zenoh.Session) -> list[Arrival | Presence | Refusal | Loss]:
     """All that is heard before a good state, which comes last."""
     other.put(STATE, TEXT, attachment=Stamp(sequence=0, time=1.0).model_dump_json())
-    heard: list[Heard] = []
+    heard: list[Arrival | Presence | Refusal | Loss] = []
     while not (isinstance(event := feed.get(PATIENCE), Arrival) and event.leaf == "state"):
         assert event is not None
         heard.append(event)
@@ -61,7 +60,8 @@ def test_samples_for_many_keys_are_refused_and_counted() -> None:
         heard = until_state(feed, other)
     assert heard
     assert all(isinstance(event, Refusal) for event in heard)
-    assert {e.reason for e in heard if e.leaf == "state"} == {
+    refused = [as_type(Refusal, event) for event in heard]
+    assert {e.reason for e in refused if e.leaf == "state"} == {
         f"it came for {key}, not for one key"
         for key in ("**", "macor/**", "macor/*/state", "macor/khepera/*", "*/khepera/state")
     }
@@ -112,6 +112,7 @@ def test_a_sample_that_is_deleted_is_refused_by_who_reads_it() -> None:
         other.delete(STATE)
         arrival = feed.get(PATIENCE)
     watched = RobotState("khepera")
+    assert arrival is not None
     watched.take(arrival)
     assert watched.not_taken.refused == 1
 
@@ -269,6 +270,8 @@ def test_all_that_keeps_to_the_bounds_is_taken() -> None:
         watched = RobotState("khepera")
         for sequence in range(3):
             other.put("macor/khepera/decision", a_decision(sequence).model_dump_json())
-            watched.take(feed.get(PATIENCE))
+            heard = feed.get(PATIENCE)
+            assert heard is not None
+            watched.take(heard)
     assert [decision.sequence for decision in watched.controlled.history] == [0, 1, 2]
     assert not watched.not_taken.words()

@@ -1,5 +1,6 @@
 """Feelers find a collision where the infrared sensors are saturated, and where the body touches."""
 
+from collections.abc import Sequence
 from math import hypot
 
 import numpy as np
@@ -30,7 +31,7 @@ def feelers(made: Arena, model: Model = KHEPERA, margin: float = 0.0) -> Feelers
 
 def touches(
     made: Arena,
-    poses: list[np.ndarray | tuple[float, float, float]] | np.ndarray,
+    poses: Sequence[np.ndarray | tuple[float, float, float]] | np.ndarray,
     model: Model = KHEPERA,
     margin: float = 0.0,
 ) -> np.ndarray:

@@ -150,8 +150,9 @@ def gaps_in_arrays(
     dim = 0.5 * (1.0 - grey) * np.maximum(reach - distances, 0.0)
     gaps = (distances + dim).reshape(8, 5) + 7.2e-6 * fan**2
     aside = np.array(model.sensor_directions) - np.array(model.sensor_bearings)
-    nearest: np.ndarray = gaps.min(axis=1)
-    return nearest - model.radius * (1.0 - np.cos(aside))
+    nearest = gaps.min(axis=1)
+    found: np.ndarray = nearest - model.radius * (1.0 - np.cos(aside))
+    return found
 
 
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2])

@@ -209,5 +209,6 @@ def test_the_command_makes_a_map(drive: tuple[list[Arrival], list[Step]], tmp_pa
     arguments = ["learn", str(file), "--map", str(map_file)]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert f"from {len(CHOICES)} commands" in result.stdout
-    assert square(load_map(map_file)[0].memories["transitions"], "z").sum() == len(CHOICES)
+    known = as_type(SensorimotorMap, load_map(map_file)[0].memories["transitions"])
+    assert square(known, "z").sum() == len(CHOICES)
     assert "is there already" in str(CliRunner().invoke(app, arguments).exception)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import zenoh
-from as_type import as_type
+from as_type import as_type, not_none
 from controller_helpers import (
     a_decision,
     a_frame,
@@ -120,7 +120,7 @@ def test_the_reason_of_a_failure_is_shown() -> None:
 def test_link_and_speeds_are_shown_while_they_are_known() -> None:
     watched = a_watched()
     assert "speeds" not in text_of(watched)
-    watched.controlled.link = EXAMPLES[Link]
+    watched.controlled.link = as_type(Link, EXAMPLES[Link])
     watched.emulated = Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
     text = text_of(watched)
     assert "240 exchanges, 26.0 ms mean, 53.0 ms worst, 0 failed" in line_with(text, "link")
@@ -136,7 +136,7 @@ def test_the_fullest_picture_fits_the_terminal(width: int) -> None:
     )
     watched.controlled.state = a_state(port="/dev/" + "x" * 200, map="y" * 300, reason="z" * 400)
     watched.not_taken = NotTaken(123_456, 123_456, "t" * 300)
-    watched.controlled.link = EXAMPLES[Link]
+    watched.controlled.link = as_type(Link, EXAMPLES[Link])
     watched.emulated = Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
     for _ in range(100):
         watched.see(bytes(123_456), 99.9)
@@ -219,7 +219,7 @@ def test_a_bad_name_is_refused() -> None:
         watch(session, "a/**")
 
 
-def wait_for(watcher: Follower, what: Callable[[], bool]) -> None:
+def wait_for(watcher: Follower, what: Callable[[], Any]) -> None:
     watcher.follow(PATIENCE, until=what)
     assert what()
 
@@ -238,7 +238,7 @@ def live_and_go(endpoint: str, watcher: Follower, commands: int) -> None:
         wait_for(watcher, lambda: len(watcher.watched.controlled.history) == commands)
         wait_for(watcher, lambda: watcher.watched.controlled.state is not None)
         wait_for(watcher, lambda: watcher.watched.frame)
-        assert watcher.watched.controlled.state.driven == commands
+        assert not_none(watcher.watched.controlled.state).driven == commands
     wait_for(watcher, lambda: not watcher.watched.controlled.alive)
     assert watcher.watched.controlled.met
     assert watcher.watched.controlled.decision == a_decision(commands - 1)

@@ -1,6 +1,7 @@
 """Resets: they leave nothing of the robot's past."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -57,7 +58,7 @@ def live(port: Serial, past: Sequence[bytes | float]) -> None:
     port.timeout = 0.3
 
 
-def state(port: Serial):
+def state(port: Serial) -> tuple[Any, ...]:
     """Return what power-on sets, where the protocol does not show it."""
     robot = port.emulator.robot
     return robot.wheels, robot.panel, port.emulator.uart.baud, port.emulator.truth().speed

@@ -183,7 +183,7 @@ class TestClients:
             assert received(port) == [b"N\n"]
             take = port._terminal.events
 
-            def take_late() -> tuple[int]:
+            def take_late() -> tuple[int, ...]:
                 monkeypatch.setattr(port._terminal, "events", take)
                 os.write(first, late)
                 return take()
@@ -288,12 +288,12 @@ class TestClientsThatComeJustThen:
 
     @staticmethod
     def before(
-        monkeypatch: pytest.MonkeyPatch, owner: Terminal, name: str, act: Callable[..., Any]
+        monkeypatch: pytest.MonkeyPatch, owner: Terminal, name: str, act: Callable[[], object]
     ) -> None:
         """Let something happen just before every call of a function."""
         function = getattr(owner, name)
 
-        def disturbed(*arguments: bytes | int) -> bytes | int | tuple[bool, bool] | None:
+        def disturbed(*arguments: Any) -> Any:
             act()
             return function(*arguments)
 
@@ -423,7 +423,7 @@ class TestClientsThatComeJustThen:
                 second()
             return openings(name, *flags)
 
-        waits: list[float] = []
+        waits: list[None] = []
         monkeypatch.setattr(os, "open", open_both)
         assert port.receive(MUCH) == [b""]
         assert waits
@@ -578,7 +578,7 @@ class TestWhatAClientLeaves:
                 with serial.Serial(port.url, rate) as theirs:
                     theirs.write(b"N\n")
                     assert received(port) == [b"N\n"]
-                    fcntl.ioctl(theirs.fd, termios.TIOCEXCL)
+                    fcntl.ioctl(theirs.fileno(), termios.TIOCEXCL)
                     with pytest.raises(OSError, match="busy"):
                         os.open(port.url, os.O_RDWR | os.O_NOCTTY)
                 assert received(port) == [b""]
@@ -613,7 +613,7 @@ class TestWhatAClientLeaves:
         as_nobody(check)
 
     def test_a_link_that_cannot_be_turned_is_no_end(self, caplog: pytest.LogCaptureFixture) -> None:
-        def moved(path: Path) -> None:
+        def moved(path: str) -> None:
             raise EmulatorError(f"cannot turn the link to {path}")
 
         def check() -> None:
@@ -642,7 +642,7 @@ def stop_output(port: PtyPort, terminal: int, how: str) -> None:
         pass  # an XOFF takes a moment to get through
 
 
-def is_served(port) -> None:
+def is_served(port: PtyPort) -> None:
     with client(port) as terminal:
         os.write(terminal, b"B\n")
         assert received(port) == [b"B\n"]
@@ -651,8 +651,9 @@ def is_served(port) -> None:
     assert received(port) == [b""]
 
 
-def is_exclusive(terminal):
-    return struct.unpack("i", fcntl.ioctl(terminal, 0x80045440, bytes(4)))[0] == 1
+def is_exclusive(terminal: int) -> bool:
+    (exclusive,) = struct.unpack("i", fcntl.ioctl(terminal, 0x80045440, bytes(4)))
+    return bool(exclusive == 1)
 
 
 class TestLink:

@@ -8,10 +8,10 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
-from as_type import not_none
+from as_type import as_type, not_none
 from controller_helpers import ask, free_endpoint, wait_until_watched, watching
 from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
@@ -75,16 +75,14 @@ def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file: P
 SIMPLE = {"boolean", "string", "number", "integer"}
 
 
-def fields_as_viewers_read(
-    schema: dict[str, Any], place: str
-) -> dict[str, dict[str, dict[str, str] | str] | str]:
+def fields_as_viewers_read(schema: dict[str, Any], place: str) -> dict[str, Any]:
     """The fields of a JSON Schema, by the rules of the parsers of Foxglove and Lichtblick.
 
     Restated from `parseJsonSchema.ts`, which both have; anything else is an error there, and the
     topic cannot be opened.
     """
     assert schema.get("type") == "object", place
-    fields = {}
+    fields: dict[str, Any] = {}
     for name, field in schema["properties"].items():
         where = f"{place}.{name}"
         assert "oneOf" not in field, where
@@ -118,7 +116,7 @@ def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path: Path) -> N
     with Recorder(tmp_path / "x", "khepera") as recorder:
         recorder.write(odd)
     _, (event,) = read_recording(tmp_path / "x")
-    assert event.data == odd.data
+    assert as_type(Arrival, event).data == odd.data
 
 
 def test_a_recording_that_was_cut_off_is_read_to_there(file: Path, tmp_path: Path) -> None:
@@ -187,7 +185,7 @@ def test_a_full_disk_stops_the_recording_with_a_sentence(tmp_path: Path) -> None
     assert read == events[: len(read)]
 
 
-def record_process(path: Path, endpoint: str, *more) -> subprocess.Popen[str]:
+def record_process(path: Path, endpoint: str, *more: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "macor_hil.cli", "record", str(path), "--connect", endpoint]
     return subprocess.Popen([*command, *more], stdout=subprocess.PIPE, text=True)
 
@@ -291,7 +289,7 @@ def test_a_replay_is_what_was_recorded(file: Path) -> None:
     with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
         with open_session([], [endpoint]) as other, Player(other, "khepera") as player:
             wait_until_watched(other, "macor/khepera/decision")
-            play(events[:-2], Followed(player, watcher), sleep=lambda _: None)
+            play(events[:-2], cast(Player, Followed(player, watcher)), sleep=lambda _: None)
             watcher.follow(PATIENCE, until=lambda: watcher.watched.emulated.outline is not None)
             for event in events[-2:]:
                 player.publish(event)
@@ -315,7 +313,7 @@ def test_a_replay_keeps_the_distances_of_events() -> None:
             shown.append(event)
 
     events = a_life(2)
-    play(events, Recorded(), speed=2.0, clock=lambda: sum(slept), sleep=slept.append)
+    play(events, cast(Player, Recorded()), speed=2.0, clock=lambda: sum(slept), sleep=slept.append)
     assert shown == events
     assert sum(slept) == pytest.approx((events[-1].received - BEGIN) / SECOND / 2.0)
 
@@ -323,7 +321,7 @@ def test_a_replay_keeps_the_distances_of_events() -> None:
 def test_a_replay_answers_queries_with_the_latest_and_the_schema() -> None:
     endpoint = free_endpoint()
     with open_session([endpoint], []) as session, Player(session, "khepera") as player:
-        decision = a_life(1)[-5]
+        decision = as_type(Arrival, a_life(1)[-5])
         assert decision.leaf == "decision"
         player.publish(decision)
         with watching(endpoint) as (watcher,):

@@ -193,10 +193,10 @@ class TestRecording:
             log.request(0.5, b"B\n")
         with (tmp_path / "log").open("a") as file:
             file.write(line + '\n{"t": 2.0, "what": "close"}\n')
-        log = read_log(tmp_path / "log")
-        assert log.entries == (Entry(0.5, "request", b"B\n"),)
-        assert re.match(f"line 3 of .* {why}", log.damage), log.damage
-        assert log.damage.isprintable()
+        kept = read_log(tmp_path / "log")
+        assert kept.entries == (Entry(0.5, "request", b"B\n"),)
+        assert re.match(f"line 3 of .* {why}", kept.damage), kept.damage
+        assert kept.damage.isprintable()
 
     def test_that_never_ends_is_read_as_far_as_there_is_memory(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -205,9 +205,9 @@ class TestRecording:
         with WireLog(tmp_path / "log", URL) as log:
             for moment in range(5):
                 log.request(float(moment), b"B\n")
-        log = read_log(tmp_path / "log")
-        assert len(log.entries) == 2
-        assert "is longer than 3 lines" in log.damage
+        kept = read_log(tmp_path / "log")
+        assert len(kept.entries) == 2
+        assert "is longer than 3 lines" in kept.damage
 
     def test_that_is_not_there_is_refused(self, tmp_path: Path) -> None:
         with pytest.raises(EmulatorError, match="cannot read the wire log"):

@@ -2,11 +2,13 @@
 
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
+from as_type import not_none
 from khepera_protocol.serial.messages import build_request
 from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 
@@ -31,6 +33,9 @@ CLEARING = b"?\r\n"
 PROXIMITY = b"n,1,2,3,4,5,6,7,8\r\n"
 
 
+Reply = bytes | list[bytes] | list[bytes | Exception] | Exception
+
+
 class ScriptedPort:
     """Answers request lines from a table; what has been written is in `written`.
 
@@ -38,19 +43,17 @@ class ScriptedPort:
     A read that finds no line end gives what there is once its time-out has passed.
     """
 
-    def __init__(
-        self, replies: dict[bytes, bytes | list[bytes]] | None = None, pending: bytes = b""
-    ) -> None:
-        self.replies = {b"D,0,0": STOPPED, b"E": RESTING, **(replies or {})}
+    def __init__(self, replies: Mapping[bytes, Reply] | None = None, pending: bytes = b"") -> None:
+        self.replies: dict[bytes, Reply] = {b"D,0,0": STOPPED, b"E": RESTING, **(replies or {})}
         self.pending = pending
         self.written = b""
         self.requests: list[bytes] = []
         self.now = 0.0
         self.baudrate = 9600
-        self.timeout = None
+        self.timeout: float | None = None
         self.closed = False
-        self.write_error = None
-        self.read_error = None
+        self.write_error: Exception | None = None
+        self.read_error: Exception | None = None
         self._line = b""
 
     def write(self, data: bytes) -> int:
@@ -75,13 +78,13 @@ class ScriptedPort:
         end = self.pending.find(expected) + len(expected)
         count = end if end >= len(expected) else len(self.pending)
         if end < len(expected):
-            self.now += self.timeout
+            self.now += not_none(self.timeout)
         count = count if size is None else min(count, size)
         data, self.pending = self.pending[:count], self.pending[count:]
         return data
 
     def read(self, size: int = 1) -> bytes:
-        self.now += self.timeout
+        self.now += not_none(self.timeout)
         data, self.pending = self.pending[:size], self.pending[size:]
         return data
 
@@ -100,13 +103,13 @@ class BabblingPort(ScriptedPort):
 class LatePort(ScriptedPort):
     """Says nothing before its time has come."""
 
-    def __init__(self, ready: float, replies: dict[bytes, bytes] | None = None) -> None:
+    def __init__(self, ready: float, replies: Mapping[bytes, Reply] | None = None) -> None:
         super().__init__(replies)
         self.ready = ready
 
     def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
         if self.now < self.ready:
-            self.now += self.timeout
+            self.now += not_none(self.timeout)
             return b""
         return super().read_until(expected, size)
 
@@ -214,15 +217,15 @@ def test_halt_tries_again_when_a_late_reply_is_in_the_way() -> None:
     assert port.written.count(b"D,0,0\n") == 4
 
 
-def test_halt_says_so_when_the_wheels_go_on_turning() -> None:
+def test_halt_says_so_when_the_wheels_go_on_turning(monkeypatch: pytest.MonkeyPatch) -> None:
     port = ScriptedPort({b"E": b"e,0,7\r\n"})
     read = port.read_until
 
-    def slow_read(*arguments: bytes | int) -> bytes:
+    def slow_read(*arguments: Any) -> bytes:
         port.now += 0.01
         return read(*arguments)
 
-    port.read_until = slow_read
+    monkeypatch.setattr(port, "read_until", slow_read)
     with pytest.raises(RobotError, match=r"the wheels still turn: \(0, 7\)"):
         Khepera(port).halt()
 
@@ -358,7 +361,7 @@ def test_a_robot_that_was_reset_gets_its_settings_and_counters_back() -> None:
 
 
 def test_a_reset_that_nobody_heard_is_seen_by_the_counters() -> None:
-    replies = {b"H": [b"h,500,600\r\n", b"h,2,-3\r\n"], b"G,500,600": b"g\r\n"}
+    replies: dict[bytes, Reply] = {b"H": [b"h,500,600\r\n", b"h,2,-3\r\n"], b"G,500,600": b"g\r\n"}
     robot = Khepera(ScriptedPort(replies))
     robot.counters()
     assert robot.recover(0.0)
@@ -376,7 +379,9 @@ def test_a_port_that_failed_is_opened_again_until_it_answers() -> None:
     dead, unplugged, alive = ScriptedPort(), ScriptedPort(), ScriptedPort({b"H": b"h,1,2\r\n"})
     for port in (dead, unplugged):
         port.write_error = OSError(5, "Input/output error")
-    opened = iter([LinkError("no such device"), unplugged, alive])
+    opened: Iterator[LinkError | ScriptedPort] = iter(
+        [LinkError("no such device"), unplugged, alive]
+    )
 
     def reopen() -> ScriptedPort:
         port = next(opened)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from math import cos, pi, sin
 from queue import SimpleQueue
 from typing import Any
@@ -103,13 +104,13 @@ float64 w
 NOW = 1_700_000_000_123_456_789
 
 
-def decode(kind, data: bytes):
+def decode(kind: str, data: bytes) -> Any:
     text = DEFINITIONS[kind].replace("===", 80 * "=")
-    decoder = DecoderFactory().decoder_for("cdr", Schema(1, text.encode(), "ros2msg", kind))
-    return decoder(data)
+    schema = Schema(1, text.encode(), "ros2msg", kind)
+    return not_none(DecoderFactory().decoder_for("cdr", schema))(data)
 
 
-def at(x, y, heading):
+def at(x: float, y: float, heading: float) -> Odometry:
     return Odometry(pose=Pose(x=x, y=y, heading=heading), counters=(0, 0))
 
 
@@ -147,7 +148,9 @@ def test_tokens_are_those_of_ros_2_nodes() -> None:
         ),
     ],
 )
-def test_types_have_the_hashes_of_ros_2(topic, kind: str, kind_hash: str) -> None:
+def test_types_have_the_hashes_of_ros_2(
+    topic: Callable[[str], Topic], kind: str, kind_hash: str
+) -> None:
     made = topic("/khepera")
     assert made.kind == kind
     assert made.kind_hash == f"RIHS01_{kind_hash}"

@@ -4,19 +4,21 @@ import json
 import os
 import signal
 import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import zenoh
-from as_type import not_none
+from as_type import as_type, not_none
 from controller_helpers import Samples
 from drives import STATUSES, WAYS_OUT, Drive, programs
 from emulator_process import PATIENCE
-from rig import RELAYED, rig
+from rig import RELAYED, Controller, Rig, rig
 from short_training import train_shortly
 
 from macor_hil.telemetry.session import open_session
@@ -30,25 +32,25 @@ LIMIT = 0.5
 
 
 @pytest.fixture(scope="module")
-def map_file(tmp_path_factory: pytest.TempPathFactory):
+def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("maps") / "short.npz"
     return train_shortly(path)
 
 
 @pytest.fixture(scope="module")
-def shared_bench(tmp_path_factory: pytest.TempPathFactory):
+def shared_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     with rig(tmp_path_factory.mktemp("bench")) as running:
         yield running
 
 
 @pytest.fixture
-def bench(shared_bench):
+def bench(shared_bench: Rig) -> Iterator[Rig]:
     shared_bench.make_ready()
     yield shared_bench
     shared_bench.end_controllers()
 
 
-def drive(bench, map_file: Path, **fields):
+def drive(bench: Rig, map_file: Path, **fields: Any) -> Controller:
     """A controller whose commands take more than a second, at the beginning of one."""
     controller = bench.controller(map_file, speed=2, **fields)
     controller.wait_for_steps(1)
@@ -56,7 +58,7 @@ def drive(bench, map_file: Path, **fields):
     return controller
 
 
-def interrupted(controller):
+def interrupted(controller: Controller) -> int:
     """End a controller; how many failures it had got over."""
     os.kill(controller.process.pid, signal.SIGTERM)
     ending, recoveries = controller.end().rsplit(maxsplit=1)
@@ -66,25 +68,25 @@ def interrupted(controller):
 
 @pytest.mark.parametrize("mode", ["lost", "frozen", "late", "dark", "small", "garbage"])
 def test_a_failing_camera_stops_the_robot_until_it_works_again(
-    bench, map_file: Path, mode: str
+    bench: Rig, map_file: Path, mode: str
 ) -> None:
     controller = drive(bench, map_file)
 
     def fail() -> None:
-        if bench.relay.mode != "pass":
-            bench.relay.mode = "pass"
+        if not_none(bench.relay).mode != "pass":
+            not_none(bench.relay).mode = "pass"
             controller.wait_for_steps(1)
             bench.wait_until_moving()
-        bench.relay.mode = mode
+        not_none(bench.relay).mode = mode
 
     assert bench.stops_within(LIMIT, fail)
-    bench.relay.mode = "pass"
+    not_none(bench.relay).mode = "pass"
     controller.wait_for_steps(2)
     assert interrupted(controller) > 0
 
 
 @contextmanager
-def a_stranger(bench, make_picture):
+def a_stranger(bench: Rig, make_picture: Callable[[], bytes]) -> Iterator[zenoh.Session]:
     """A session that answers on the camera's key as well, and claims to be complete."""
 
     def answer(query: zenoh.Query) -> None:
@@ -99,45 +101,48 @@ def a_stranger(bench, make_picture):
         yield session
 
 
-def noise():
+def noise() -> bytes:
     image = np.random.default_rng().integers(0, 256, (160, 160, 3), dtype=np.uint8)
     return cv2.imencode(".png", image)[1].tobytes()
 
 
 @pytest.mark.parametrize("make_picture", [lambda: b"flour", noise])
 def test_a_stranger_on_the_camera_s_key_neither_holds_nor_steers_the_robot(
-    bench, map_file: Path, make_picture
+    bench: Rig, map_file: Path, make_picture: Callable[[], bytes]
 ) -> None:
     controller = drive(bench, map_file)
     frames: Samples = SimpleQueue()
     states: Samples = SimpleQueue()
     asked: SimpleQueue[int] = SimpleQueue()
+
+    def ask_and_make() -> bytes:
+        asked.put(1)
+        return make_picture()
+
     with open_session([], [bench.controller_endpoint]) as session:
         session.declare_subscriber("macor/khepera/frame", frames.put)
         session.declare_subscriber("macor/khepera/state", states.put)
-        with a_stranger(bench, lambda: asked.put(1) or make_picture()):
+        with a_stranger(bench, ask_and_make):
             asked.get(timeout=PATIENCE)
             controller.wait_for_steps(3)
     assert controller.process.poll() is None
     seen = [sample.payload.to_bytes() for sample in drained(frames)]
     assert seen
     for data in seen:
-        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-        assert not not_none(picture)[
-            :8, :8
-        ].any()  # outside the mirror; noise everywhere is the stranger's
+        picture = not_none(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
+        assert not picture[:8, :8].any()  # outside the mirror; noise everywhere is the stranger's
     # a late picture of a busy machine may stop the robot, but no stranger
     reasons = [json.loads(sample.payload.to_string())["reason"] for sample in drained(states)]
     assert not [reason for reason in reasons if "no picture (" in reason or "source" in reason]
 
 
-def drained(queue):
+def drained(queue: Samples) -> Iterator[zenoh.Sample]:
     while not queue.empty():
         yield queue.get()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_stops_the_robot(bench, map_file: Path, number: int) -> None:
+def test_a_signal_stops_the_robot(bench: Rig, map_file: Path, number: int) -> None:
     controllers = []
 
     def interrupt() -> None:
@@ -148,7 +153,7 @@ def test_a_signal_stops_the_robot(bench, map_file: Path, number: int) -> None:
     assert controllers[-1].end().startswith(f"interrupted {signal.Signals(number).name}")
 
 
-def test_a_stop_request_stops_the_robot(bench, map_file: Path) -> None:
+def test_a_stop_request_stops_the_robot(bench: Rig, map_file: Path) -> None:
     controllers = []
 
     def ask() -> None:
@@ -160,7 +165,7 @@ def test_a_stop_request_stops_the_robot(bench, map_file: Path) -> None:
     assert controllers[-1].end().startswith("interrupted the stop key")
 
 
-def test_the_stop_key_is_off_unless_asked_for(bench, map_file: Path) -> None:
+def test_the_stop_key_is_off_unless_asked_for(bench: Rig, map_file: Path) -> None:
     controller = drive(bench, map_file)
     with open_session([], [bench.controller_endpoint]) as session:
         session.put("macor/khepera/stop", REQUEST)
@@ -169,7 +174,7 @@ def test_the_stop_key_is_off_unless_asked_for(bench, map_file: Path) -> None:
     controller.wait_for_steps(2)
 
 
-def test_the_robot_stands_while_a_planner_is_late(bench, map_file: Path) -> None:
+def test_the_robot_stands_while_a_planner_is_late(bench: Rig, map_file: Path) -> None:
     phases = []
     with open_session([], [bench.controller_endpoint]) as session:
         session.declare_subscriber(
@@ -182,21 +187,22 @@ def test_the_robot_stands_while_a_planner_is_late(bench, map_file: Path) -> None
             controller.wait_for(lambda lines: "slow" in lines)
 
         assert bench.stops_within(LIMIT, wait_for_the_planner)
-        bench.controllers[-1].wait_for_steps(2)
+        as_type(Controller, bench.controllers[-1]).wait_for_steps(2)
     assert "late" in phases
 
 
-def phase(sample: zenoh.Sample):
-    return json.loads(sample.payload.to_string())["phase"]
+def phase(sample: zenoh.Sample) -> str:
+    told: str = json.loads(sample.payload.to_string())["phase"]
+    return told
 
 
-def test_a_defect_in_mid_drive_stops_the_robot(bench, map_file: Path) -> None:
+def test_a_defect_in_mid_drive_stops_the_robot(bench: Rig, map_file: Path) -> None:
     def break_down() -> None:
         controller = bench.controller(map_file, trouble="exception")
         controller.wait_for(lambda lines: "broken" in lines)
 
     assert bench.stops_within(LIMIT, break_down)
-    assert bench.controllers[-1].process.wait(30) == 1
+    assert as_type(Controller, bench.controllers[-1]).process.wait(30) == 1
 
 
 ROLLING = """
@@ -208,12 +214,12 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def kill_a_rolling_controller(bench) -> None:
+def kill_a_rolling_controller(bench: Rig) -> None:
     controller = bench.start([sys.executable, "-c", ROLLING, str(bench.link)])
     assert controller.process.wait(30) == -signal.SIGKILL
 
 
-def test_a_robot_rolls_on_when_its_controller_was_killed(bench) -> None:
+def test_a_robot_rolls_on_when_its_controller_was_killed(bench: Rig) -> None:
     kill_a_rolling_controller(bench)
     assert bench.time_to_stand(longest=1.5) > 1.4
 
@@ -228,7 +234,7 @@ def test_a_robot_with_a_dead_man_stop_does_not(tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", ["SIGTERM", "terminal closed"])
 @pytest.mark.parametrize("program", ["run", "train", "trials", "calibrate", "Commands", "Wheels"])
 def test_no_way_out_of_any_program_leaves_the_robot_driving(
-    bench, map_file: Path, program: str, way: str
+    bench: Rig, map_file: Path, program: str, way: str
 ) -> None:
     drives = []
 
@@ -244,7 +250,7 @@ def test_no_way_out_of_any_program_leaves_the_robot_driving(
         assert status == STATUSES[way], drives[-1].said
 
 
-def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file: Path) -> None:
+def test_an_output_that_nobody_reads_stops_the_robot(bench: Rig, map_file: Path) -> None:
     drives = []
 
     def end() -> None:
@@ -282,7 +288,7 @@ ENDINGS = {
 
 
 @pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS.keys())
-def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending) -> None:
+def test_a_program_without_any_care_leaves_a_standing_robot(bench: Rig, ending: str) -> None:
     def end() -> None:
         bench.end_controllers()
         script = A_LEARNER.format(ending)
@@ -293,7 +299,7 @@ def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending) -> No
 
 
 def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(
-    bench, map_file: Path
+    bench: Rig, map_file: Path
 ) -> None:
     controller = drive(bench, map_file)
     controller.process.kill()
@@ -301,7 +307,7 @@ def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(
 
 
 def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(
-    bench, map_file: Path
+    bench: Rig, map_file: Path
 ) -> None:
     controller = drive(bench, map_file)
     bench.restart_emulator()

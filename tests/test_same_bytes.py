@@ -18,8 +18,7 @@ from in_process import open_robot
 import khepera_emulator  # noqa: F401 - registers khepera://
 from macor_hil.hardware.bench import PortBench, ZenohBench
 from macor_hil.hardware.cameras import open_camera
-from macor_hil.hardware.cameras.port_camera import PortCamera
-from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
+from macor_hil.hardware.cameras.camera import Camera
 from macor_hil.telemetry.session import open_session
 
 ARENA = "open-box"
@@ -52,11 +51,9 @@ def stand(port: serial.SerialBase, bench: PortBench | ZenohBench) -> None:
         pass
 
 
-def session(
-    port: serial.SerialBase, bench: PortBench | ZenohBench, camera: PortCamera | ZenohCamera
-) -> str:
+def session(port: serial.SerialBase, bench: PortBench | ZenohBench, camera: Camera) -> str:
     """All that a robot says, shows and is, at rest between moves."""
-    seen = []
+    seen: list[object] = []
     for move in MOVES:
         seen.append(ask(port, move))
         stand(port, bench)

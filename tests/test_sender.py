@@ -2,6 +2,7 @@
 
 import threading
 import time
+from functools import partial
 
 import pytest
 from khepera_protocol.zenoh.payloads import Stamp
@@ -11,10 +12,10 @@ from macor_hil.telemetry.sender import Sender
 
 
 def test_everything_is_carried_out_in_order_before_the_end() -> None:
-    done = []
+    done: list[int] = []
     with Sender() as sender:
         for number in range(200):
-            sender.carry_out(lambda number=number: done.append(number))
+            sender.carry_out(partial(done.append, number))
     assert done == list(range(200))
 
 
@@ -35,7 +36,7 @@ def test_a_payload_out_of_bounds_is_a_failure_and_no_defect(
     value: int | None, caplog: pytest.LogCaptureFixture
 ) -> None:
     with Sender() as sender:
-        sender.carry_out(lambda: Stamp(sequence=value, time=0.0))
+        sender.carry_out(lambda: Stamp(sequence=value, time=0.0))  # type: ignore[arg-type]
     sender._thread.join(30)
     assert "could not be told" in caplog.text
     assert "has failed" not in sender._thread.ended()

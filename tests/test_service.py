@@ -10,27 +10,27 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from queue import Queue, SimpleQueue
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 import serial
 import zenoh
-from as_type import not_none
+from as_type import as_type, not_none
 from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watching
-from emulator_process import emulator
+from emulator_process import EmulatorProcess, emulator
 from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
-from khepera_protocol.zenoh.payloads import Pose
+from khepera_protocol.zenoh.payloads import Pose, Truth
 from short_training import train_shortly
 
+import macor_hil.hardware.devices
 import macor_hil.runs.live_run
 import macor_hil.telemetry.publisher
 from khepera_emulator.ports.protocol_khepera import Serial
 from macor_hil.errors import CameraError, MacorError, MapError, RobotError, TelemetryError
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.bench import ZenohBench
-from macor_hil.hardware.cameras.camera import Frame
+from macor_hil.hardware.cameras.camera import Camera, Frame
 from macor_hil.hardware.cameras.catalogue import CameraAddress
-from macor_hil.hardware.cameras.port_camera import PortCamera
 from macor_hil.hardware.cameras.watchdog import CameraWatch
 from macor_hil.hardware.khepera import Khepera, open_port
 from macor_hil.mind.catalogue import build_brain
@@ -78,13 +78,14 @@ class Tap:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.requests: list[bytes] = []
         self.speed = 0.0
-        self.port = None
-        self.meddle = lambda _: None
+        self._port: Serial | None = None
+        self.meddle: Callable[[bytes], None] = lambda _: None
+        self._monkeypatch = monkeypatch
         monkeypatch.setattr(macor_hil.hardware.devices, "open_port", self._open)
 
     def _open(self, url: PortAddress, baud: int) -> Serial:
-        self.port = open_port(url, baud)
-        write, close = self.port.write, self.port.close
+        self._port = port = as_type(Serial, open_port(url, baud))
+        write, close = port.write, port.close
 
         def tapped_write(data: bytes) -> int:
             count = write(data)
@@ -93,19 +94,26 @@ class Tap:
             return count
 
         def tapped_close() -> None:
-            if self.port.is_open:
-                self.port.emulator.advance(self.port.now + SETTLING)
+            if port.is_open:
+                port.emulator.advance(port.now + SETTLING)
                 self.speed = self.speed_now()
             close()
 
-        self.port.write, self.port.close = tapped_write, tapped_close
-        return self.port
+        self._monkeypatch.setattr(port, "write", tapped_write)
+        self._monkeypatch.setattr(port, "close", tapped_close)
+        return port
+
+    @property
+    def port(self) -> Serial:
+        """The port, which has been opened."""
+        return not_none(self._port)
 
     def speed_now(self) -> float:
         """Speed of the faster wheel, m/s."""
-        return max(map(abs, self.port.emulator.truth().speed))
+        truth: Truth = self.port.emulator.truth()
+        return max(map(abs, truth.speed))
 
-    def in_mid_drive(self, act: Callable[..., Any], arc: int = 2) -> None:
+    def in_mid_drive(self, act: Callable[[], object], arc: int = 2) -> None:
         """Do something once, while the robot is driving its arc of this number."""
 
         def meddle(data: bytes) -> None:
@@ -131,7 +139,7 @@ def tap(monkeypatch: pytest.MonkeyPatch) -> Tap:
     return Tap(monkeypatch)
 
 
-def raising(error: BaseException) -> Callable[..., Any]:
+def raising(error: BaseException) -> Callable[..., None]:
     def act(*_: bytes) -> None:
         raise error
 
@@ -217,10 +225,11 @@ def test_watchers_receive_every_decision_and_the_states_around_them(config: RunO
     assert state.reason == "all commands driven"
 
 
-def latest(
-    session: zenoh.Session, kind: type[Decision] | type[State], holds: Callable[..., Any]
-) -> Decision | State:
-    def read(sample: zenoh.Sample) -> Decision | State:
+Told = TypeVar("Told", Decision, State)
+
+
+def latest(session: zenoh.Session, kind: type[Told], holds: Callable[[Told], bool]) -> Told:
+    def read(sample: zenoh.Sample) -> Told:
         return kind.model_validate_json(sample.payload.to_bytes())
 
     key = f"macor/khepera/{kind.__name__.lower()}"
@@ -229,7 +238,7 @@ def latest(
 
 def test_a_late_joiner_finds_the_latest_decision_while_the_run_goes_on(config: RunOptions) -> None:
     endpoint = free_endpoint()
-    heard: list[Decision] = []
+    heard: list[Any] = []
 
     def join(decision: Decision) -> None:
         if decision.sequence == 3:
@@ -266,7 +275,7 @@ def test_the_robot_stands_before_a_last_picture_is_waited_for(
     speeds = []
 
     class Watch(CameraWatch):
-        def __exit__(self, *raised) -> None:
+        def __exit__(self, *raised: Any) -> None:
             speeds.append(tap.speed_now())
             super().__exit__(*raised)
 
@@ -430,7 +439,7 @@ class BlindAfter:
 
     live = False
 
-    def __init__(self, camera: PortCamera, pictures: int, error: BaseException) -> None:
+    def __init__(self, camera: Camera, pictures: int, error: BaseException) -> None:
         self.camera, self.pictures, self.error = camera, pictures, error
 
     def grab(self) -> Frame:
@@ -466,10 +475,13 @@ def test_the_end_of_the_thread_that_tells_is_heard_and_stops_the_robot(
 ) -> None:
     """A defect where pictures are encoded, in mid-drive; the camera would never be missed."""
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
-    senders = []
-    monkeypatch.setattr(
-        macor_hil.telemetry.publisher, "Sender", lambda: senders.append(Sender()) or senders[-1]
-    )
+    senders: list[Sender] = []
+
+    def made() -> Sender:
+        senders.append(Sender())
+        return senders[-1]
+
+    monkeypatch.setattr(macor_hil.telemetry.publisher, "Sender", made)
 
     def die() -> None:
         senders[0].carry_out(lambda: 1 / 0)
@@ -490,7 +502,11 @@ def test_an_error_in_mid_drive_stops_the_robot(config: RunOptions, tap: Tap) -> 
 
 
 def test_a_garbled_reply_in_mid_drive_is_asked_for_again(config: RunOptions, tap: Tap) -> None:
-    tap.in_mid_drive(lambda: tap.port.reset_input_buffer() or tap.port.emulator.write(b"\x80\n"))
+    def garble() -> None:
+        tap.port.reset_input_buffer()
+        tap.port.emulator.write(b"\x80\n")
+
+    tap.in_mid_drive(garble)
     assert serve(config).commands == 6
     assert tap.count(b"?") == 3  # to connect, for the garble, to stop
     tap.assert_stopped()
@@ -573,8 +589,8 @@ except MacorError as error:
 class Live:
     """An emulator on a pseudo-terminal, and a controller that drives it, as processes."""
 
-    def __init__(self, running, endpoint: str, map_file: Path) -> None:
-        self.running = running
+    def __init__(self, running: EmulatorProcess, endpoint: str, map_file: Path) -> None:
+        self.running, self.endpoint = running, endpoint
         arguments = [running.path, str(map_file), endpoint]
         self.controller = subprocess.Popen(
             [sys.executable, "-c", RUNNER, *arguments], stdout=subprocess.PIPE, text=True
@@ -584,17 +600,16 @@ class Live:
         line = not_none(self.controller.stdout).readline()
         assert line == "step\n", line
 
-    def last_words(self):
+    def last_words(self) -> list[str]:
         said, _ = self.controller.communicate(timeout=PATIENCE)
         return [line for line in said.splitlines() if line != "step"]
 
 
 @pytest.fixture
-def live(map_file: Path):
+def live(map_file: Path) -> Iterator[Live]:
     endpoint = free_endpoint()
     with emulator("--listen", endpoint, "--drift", "none", "--baud", "57600") as running:
         driving = Live(running, endpoint, map_file)
-        driving.endpoint = endpoint
         try:
             yield driving
         finally:
@@ -604,7 +619,7 @@ def live(map_file: Path):
 
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_real_controller_stops_a_real_line_at_a_signal(live, number: int) -> None:
+def test_a_real_controller_stops_a_real_line_at_a_signal(live: Live, number: int) -> None:
     live.wait_for_a_step()
     with open_session([], [live.endpoint]) as session:
         bench = ZenohBench(session, "khepera")
@@ -624,7 +639,7 @@ def test_a_real_controller_stops_a_real_line_at_a_signal(live, number: int) -> N
 
 
 @pytest.mark.wall_clock
-def test_a_real_emulator_that_dies_is_a_clear_error(live) -> None:
+def test_a_real_emulator_that_dies_is_a_clear_error(live: Live) -> None:
     live.wait_for_a_step()
     live.running.end(signal.SIGKILL)
     (said,) = live.last_words()

@@ -3,7 +3,7 @@
 import json
 import os
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import isclose
 from pathlib import Path
@@ -36,7 +36,7 @@ START = load_arena("corridor").start
 
 
 @contextmanager
-def session(listen: tuple[()] = (), connect: list[str] = ()) -> Iterator[zenoh.Session]:
+def session(listen: Sequence[str] = (), connect: Sequence[str] = ()) -> Iterator[zenoh.Session]:
     with zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect))) as opened:
         yield opened
 
@@ -64,18 +64,18 @@ def wait_for(opened: zenoh.Session, key: str) -> None:
         assert alive.get(timeout=PATIENCE).kind == zenoh.SampleKind.PUT
 
 
-def query(peer: zenoh.Session, leaf: str, payload: str | None = None) -> zenoh.Reply:
+def query(peer: zenoh.Session, leaf: str, payload: bytes | str | None = None) -> zenoh.Reply:
     (reply,) = peer.get(f"khepera/khepera/{leaf}", payload=payload, timeout=PATIENCE)
     return reply
 
 
-def sample_of(peer: zenoh.Session, leaf: str, payload: str | None = None) -> zenoh.Sample:
+def sample_of(peer: zenoh.Session, leaf: str, payload: bytes | str | None = None) -> zenoh.Sample:
     reply = query(peer, leaf, payload)
     assert reply.ok is not None, not_none(reply.err).payload.to_string()
     return reply.ok
 
 
-def refusal_of(peer: zenoh.Session, leaf: str, payload: str | None) -> str:
+def refusal_of(peer: zenoh.Session, leaf: str, payload: bytes | str | None) -> str:
     reply = query(peer, leaf, payload)
     assert reply.ok is None
     return not_none(reply.err).payload.to_string()
@@ -91,7 +91,8 @@ def stamp_of(sample: zenoh.Sample) -> Stamp:
 
 
 def decode(sample: zenoh.Sample) -> np.ndarray:
-    return cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_COLOR)
+    data = np.frombuffer(sample.payload.to_bytes(), np.uint8)
+    return not_none(cv2.imdecode(data, cv2.IMREAD_COLOR))
 
 
 class TestLifetime:
@@ -279,7 +280,7 @@ class TestTogether:
                 line = port.read_until(b"\n")
                 moved = int(line.split(b",")[1]) if line.startswith(b"h,") else 0
             (reply,) = peer.get("khepera/second/truth", timeout=PATIENCE)
-            pose = truth_of(reply.ok).pose
+            pose = truth_of(not_none(reply.ok)).pose
             assert pose.x >= START.x + moved * 0.08e-3
             assert isclose(pose.y, START.y, abs_tol=1e-3)
 

@@ -10,16 +10,16 @@ from khepera_emulator.arenas.arena import Wall
 from khepera_emulator.world.floor_plan import NEAR, FloorPlan, Surroundings
 from khepera_emulator.world.solids import Box, Brick, Disc, wall_boxes
 
-SOLIDS = {
+SOLIDS: dict[str, Box | Disc | Brick] = {
     "box": wall_boxes(Wall(points=[(0.1, 0.0), (0.2, 0.1)], thickness=0.03))[0],
     "disc": Disc(0.1, -0.05, 0.04, 0.5),
     "brick": Brick(-0.05, 0.1, 0.4, (0.06, 0.02), 0.5),
 }
 
 
-def cast(solid: Box | Disc, places: np.ndarray, rays: np.ndarray) -> np.ndarray:
+def cast(solid: Box | Disc | Brick, places: np.ndarray, rays: np.ndarray) -> np.ndarray:
     """Distances by arrays."""
-    if solid is SOLIDS["box"]:
+    if isinstance(solid, Box):
         solid = Brick(
             solid.x,
             solid.y,
@@ -81,7 +81,7 @@ def test_near_is_what_is_within_reach_and_nothing_is_forgotten() -> None:
             ],
         )
     )
-    everything = [*plan.boxes, *(Disc(*post, 1.0) for post in plan.posts)]
+    everything: list[Box | Disc] = [*plan.boxes, *(Disc(*post, 1.0) for post in plan.posts)]
     mover, own = Disc(0.0, 0.0, 0.03, 0.5), Disc(0.1, 0.0, 0.03, 0.5)
     scene = Surroundings(plan, [mover, own], own)
     for x, y in np.random.default_rng(2).uniform(-1.5, 2.5, (500, 2)).tolist():

@@ -339,7 +339,7 @@ def setting(option: bytes, value: bytes) -> bytes:
 @pytest.mark.parametrize("port", [Rfc2217Port], indirect=True)
 class TestTelnet:
     @staticmethod
-    def taken(port: Rfc2217Port, connection: socket.socket, data: bytes) -> bytes:
+    def taken(port: Rfc2217Port | TcpPort, connection: socket.socket, data: bytes) -> bytes:
         """Bytes for the robot in what a client sends; the marker says that all has come."""
         connection.sendall(data + b"\x00end")
         seen = b""
@@ -471,7 +471,7 @@ class TestTelnet:
             admitted(port)
             for piece in pieces:
                 connection.sendall(piece)
-                while select.select([port._client], (), (), 0.05)[0]:
+                while select.select([not_none(port._client)], (), (), 0.05)[0]:
                     port.receive(0)
             assert self.taken(port, connection, b"") == meant
 
@@ -565,7 +565,7 @@ class TestChoice:
         ],
     )
     def test_is_one_port(
-        self, options: dict[str, str], kind: type[PtyPort] | type[TcpPort]
+        self, options: dict[str, Any], kind: type[PtyPort] | type[TcpPort]
     ) -> None:
         port = open_port(**options)
         assert type(port) is kind

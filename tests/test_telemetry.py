@@ -93,7 +93,7 @@ def test_a_watched_camera_publishes_what_it_gives() -> None:
         live = True
         closed = False
 
-        def grab(self):
+        def grab(self) -> Frame:
             return a_frame()
 
         def close(self) -> None:
@@ -168,7 +168,7 @@ def check(value: Any, schema: dict[str, Any]) -> None:
     """Assert that a value follows a schema."""
     if "enum" in schema:
         assert value in schema["enum"]
-    kinds = {
+    kinds: dict[str, Any] = {
         "object": dict,
         "array": list,
         "string": str,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pybullet
 import pytest
+from as_type import as_type
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, Solid, Truth, WheelDrift
 from test_khepera_url import ask, open_port, session
@@ -34,9 +35,7 @@ HALF = {"box": 0.02, "post": 0.0125, "ball": 0.02}
 class Bench:
     """A robot among things, driven without a serial line."""
 
-    def __init__(
-        self, *things: dict[str, float | list[float] | str], pose: Pose = ORIGIN, **parts: Any
-    ) -> None:
+    def __init__(self, *things: dict[str, Any], pose: Pose = ORIGIN, **parts: Any) -> None:
         self.world = World(arena(object=list(things), **parts))
         self.robot = Robot(self.world, KHEPERA, pose, IDEAL, np.random.default_rng(0))
         self.crew = Crew(self.world, [self.robot])
@@ -55,7 +54,7 @@ class Bench:
 def bench() -> Iterator[Callable[..., Bench]]:
     made = []
 
-    def make(*things: dict[str, float | list[float] | str], **parts: Any) -> Bench:
+    def make(*things: dict[str, Any], **parts: Any) -> Bench:
         made.append(Bench(*things, **parts))
         return made[-1]
 
@@ -67,7 +66,7 @@ def bench() -> Iterator[Callable[..., Bench]]:
 @pytest.mark.parametrize("thing", [BOX, POST, BALL], ids=lambda thing: thing["shape"])
 class TestPushing:
     def test_moves_a_thing_ahead_of_the_robot(
-        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
     ) -> None:
         made = bench(thing)
         made.drive(5, 4.0)
@@ -80,7 +79,7 @@ class TestPushing:
         assert made.robot.touched
 
     def test_ends_when_the_robot_stops(
-        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
     ) -> None:
         made = bench(thing)
         made.drive(10, 1.3)
@@ -92,7 +91,7 @@ class TestPushing:
         assert (made.things[0].x, made.things[0].y) == pytest.approx(place, abs=1e-6)
 
     def test_leaves_it_upright_on_the_floor(
-        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
     ) -> None:
         made = bench(thing, pose=Pose(x=0.0, y=0.012, heading=0.0))
         made.drive(15, 1.5)
@@ -105,7 +104,7 @@ class TestPushing:
         assert pybullet.getEulerFromQuaternion(turn)[:2] == pytest.approx((0.0, 0.0), abs=0.01)
 
     def test_stops_at_a_wall_and_so_does_the_robot(
-        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
     ) -> None:
         made = bench(thing, wall=[{"points": [[0.205, -1.0], [0.205, 1.0]]}])
         made.drive(10, 4.0)
@@ -115,7 +114,7 @@ class TestPushing:
         assert gap == pytest.approx(KHEPERA.radius, abs=0.001)
 
     def test_nothing_moves_before_it_is_touched(
-        self, bench: Callable[..., Bench], thing: dict[str, float | list[float] | str]
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
     ) -> None:
         made = bench(thing)
         made.drive(5, 0.8)
@@ -138,7 +137,7 @@ def test_a_ball_rolls_on_and_a_box_does_not(bench: Callable[..., Bench]) -> None
 def test_a_box_pushed_at_its_edge_turns(bench: Callable[..., Bench]) -> None:
     made = bench(BOX, pose=Pose(x=0.0, y=0.018, heading=0.0))
     made.drive(5, 4.0)
-    assert degrees(made.things[0].heading) < -10
+    assert degrees(as_type(Brick, made.things[0]).heading) < -10
 
 
 def test_a_heavy_thing_holds_a_robot(bench: Callable[..., Bench]) -> None:
@@ -296,7 +295,7 @@ def test_the_camera_sees_a_thing_where_it_is_now(bench: Callable[..., Bench]) ->
     made = bench({**BOX, "colour": [1, 0, 0]})
     camera = OmniCamera(made.world, np.random.default_rng(0), noise=0.0)
 
-    def red(pose: Pose) -> tuple[int, float]:
+    def red(pose: Pose) -> tuple[int, Any]:
         picture = camera.panorama(pose).astype(int)
         where = np.argwhere((picture[:, :, 2] > 100) & (picture[:, :, 1] < 30))
         return len(where), where[:, 1].mean() if len(where) else None
@@ -348,7 +347,8 @@ def test_a_seeded_reset_puts_everything_back(url: str) -> None:
 
 def open_outline(url: str) -> list[Solid]:
     with open_port(url) as port:
-        return port.emulator.outline().solids[-2:]
+        outline: Outline = port.emulator.outline()
+        return outline.solids[-2:]
 
 
 def test_how_time_is_cut_makes_no_difference(url: str) -> None:

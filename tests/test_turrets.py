@@ -1,5 +1,7 @@
 """Turrets by themselves, told the time and a made-up world."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from khepera_protocol.serial.errors import RequestError
@@ -39,7 +41,7 @@ class Table:
     def __init__(self, piece: Piece | None, light: bool = True) -> None:
         self.piece = piece
         self.light = light
-        self.log: list[tuple] = []
+        self.log: list[tuple[Any, ...]] = []
         self.jaw = (0.0, 0.0), (0.0, 0.0)
 
     def between(self, left: tuple[float, float], right: tuple[float, float]) -> Piece | None:
@@ -97,7 +99,7 @@ def test_fingers_take_their_time() -> None:
     turret = gripper(Nest())
     ask(turret, "D", 1, now=1.0)
     assert ask(turret, "H", 0, now=1.0) == (255,)
-    assert ask(turret, "H", 0, now=1.3) == (pytest.approx(127, abs=1),)
+    assert ask(turret, "H", 0, now=1.3) == pytest.approx((127,), abs=1)
     assert ask(turret, "H", 0, now=1.59)[0] > 0
     assert ask(turret, "H", 0, now=1.6) == (0,)
     ask(turret, "D", 0, now=2.0)

@@ -9,7 +9,7 @@ from khepera_emulator.line.wire_order import InOrder
 from khepera_emulator.line.wire_tap import WireTap
 
 
-def told(tap):
+def told(tap: WireTap) -> list[tuple[float, str, str]]:
     return [(entry.time, entry.what, entry.text) for entry in tap.since(0).entries]
 
 
@@ -54,7 +54,7 @@ def test_a_fault_ahead_waits_for_its_time_or_the_end() -> None:
 @given(
     st.lists(st.tuples(st.sampled_from(["request", "reply"]), st.floats(-2.0, 2.0)), max_size=40)
 )
-def test_no_time_steps_back(events) -> None:
+def test_no_time_steps_back(events: list[tuple[str, float]]) -> None:
     tap = WireTap()
     order = InOrder(tap)
     for now, (what, ahead) in enumerate(events, 3):

@@ -12,16 +12,15 @@ import cv2
 import numpy as np
 import pytest
 import zenoh
-from click.testing import Result
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
 from khepera_protocol.zenoh.config import MOST_MESSAGE
 from khepera_protocol.zenoh.session import read_configuration
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 from watching_helpers import a_life
 
 from khepera_emulator.app.side_channel import open_zenoh as emulator_session
 from khepera_emulator.errors import EmulatorError
-from macor_hil import cli
+from macor_hil.cli.program import app
 from macor_hil.errors import CameraLostError, TelemetryError
 from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.telemetry.publisher import Publisher
@@ -89,13 +88,13 @@ def sessions(folder: Path, *names: str) -> Iterator[list[zenoh.Session]]:
         ]
 
 
-def heard(session: zenoh.Session, key: str):
+def heard(session: zenoh.Session, key: str) -> SimpleQueue[zenoh.Sample]:
     queue: SimpleQueue[zenoh.Sample] = SimpleQueue()
     session.declare_subscriber(key, queue.put)
     return queue
 
 
-def nothing(queue: Any) -> bool:
+def nothing(queue: SimpleQueue[zenoh.Sample]) -> bool:
     with pytest.raises(Empty):
         queue.get(timeout=SILENCE)
     return True
@@ -133,7 +132,7 @@ def test_a_watcher_cannot_be_taken_for_the_camera(folder: Path) -> None:
         image[:8] = level
         return cv2.imencode(".png", image)[1].tobytes()
 
-    def answering(session: zenoh.Session, level: int, asked: list[Any]) -> zenoh.Queryable:
+    def answering(session: zenoh.Session, level: int, asked: list[int]) -> zenoh.Queryable[None]:
         def answer(query: zenoh.Query) -> None:
             with query:
                 asked.append(1)
@@ -141,8 +140,8 @@ def test_a_watcher_cannot_be_taken_for_the_camera(folder: Path) -> None:
 
         return session.declare_queryable("khepera/khepera/camera", answer, complete=True)
 
-    asked: list[zenoh.Query] = []
-    stranger_asked: list[zenoh.Query] = []
+    asked: list[int] = []
+    stranger_asked: list[int] = []
     with (
         sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher),
         answering(watcher, 50, stranger_asked),
@@ -157,7 +156,7 @@ def test_a_watcher_cannot_be_taken_for_the_camera(folder: Path) -> None:
 
 
 def macor_hil(*arguments: int | Path | str) -> Result:
-    return CliRunner(env={"COLUMNS": "80"}).invoke(cli.app, list(map(str, arguments)))
+    return CliRunner(env={"COLUMNS": "80"}).invoke(app, list(map(str, arguments)))
 
 
 def test_a_watcher_can_use_the_monitor_and_the_recorder(folder: Path, tmp_path: Path) -> None:

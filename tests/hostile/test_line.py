@@ -442,7 +442,7 @@ def setting_of(change: Callable[[list[Any]], None]) -> Callable[[PtyPort, int], 
     return act
 
 
-ACTS = {
+ACTS: dict[str, Callable[[PtyPort, int], object]] = {
     "cooked": setting_of(cooked),
     "odd": setting_of(odd),
     "hang up": setting_of(hung_up),
