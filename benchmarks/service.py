@@ -24,12 +24,12 @@ from watching import Recording, recorder_and_dashboard, subscribers
 
 import macor_hil.runs.run_reporter
 from macor_hil.hardware.bench import ZenohBench
-from macor_hil.hardware.cameras.checks import CheckedCamera
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera
 from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.hardware.khepera import Khepera
-from macor_hil.hardware.line import Line
+from macor_hil.hardware.line.serial_line import Line
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.expected import Expected
 from macor_hil.mind.settings import MindSettings

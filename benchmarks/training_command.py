@@ -21,7 +21,7 @@ from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.planners.anticipative import Anticipative
 from macor_hil.mind.planners.reactive import Reactive
-from macor_hil.runs.training import Phase, Schedule, Session, Trainer
+from macor_hil.runs.training import Schedule, Session, SessionKind, Trainer
 
 _TUNING, _RANDOM, _COMMANDS = 150, 600, 100
 _PLANS = 40
@@ -51,17 +51,17 @@ class TrainingCommand:
             self._brain, Driver(hardware.robot), hardware.camera, hardware.bench, Schedule()
         )
         self._sessions = 0
-        self._train(Phase.TUNING, _TUNING)
-        self._train(Phase.RANDOM, _RANDOM)
+        self._train(SessionKind.TUNING, _TUNING)
+        self._train(SessionKind.RANDOM, _RANDOM)
 
     def round(self) -> dict[str, float]:
         """Train a session as it is, another with a stopwatch, and plan some commands."""
         before = self._port.now
-        taken = self._train(Phase.REACTIVE, _COMMANDS)
+        taken = self._train(SessionKind.REACTIVE, _COMMANDS)
         found = {"command": taken / _COMMANDS, "factor": (self._port.now - before) / taken}
         watch = Stopwatch()
         with watch.watch(_PARTS):
-            total = self._train(Phase.REACTIVE, _COMMANDS)
+            total = self._train(SessionKind.REACTIVE, _COMMANDS)
         found |= {name: watch.seconds[name] / total for name in _PARTS}
         found["rest"] = 1.0 - sum(watch.seconds.values()) / total
         found["requests"] = watch.calls["exchanges"] / _COMMANDS
@@ -99,7 +99,7 @@ class TrainingCommand:
         )
         return rows
 
-    def _train(self, phase: Phase, commands: int) -> float:
+    def _train(self, phase: SessionKind, commands: int) -> float:
         """Train one session; returns seconds of the processor."""
         session = Session(self._sessions, phase, commands, 0)
         self._sessions += 1

@@ -5,17 +5,16 @@ python health.py tcp/127.0.0.1:7447 'khepera/*/alive'
 
 import sys
 
-import zenoh
-from khepera_protocol.zenoh.config import zenoh_config
+from khepera_protocol.zenoh.session import open_session
 
 PATIENCE = 3.0
 """Seconds that the answer may take."""
 
 
 def main() -> int:
-    """Exit status: 0 if the token is there, 1 if not."""
+    """Return the exit status: 0 if the token is there, 1 if not."""
     endpoint, key = sys.argv[1:]
-    with zenoh.open(zenoh.Config.from_json5(zenoh_config([], [endpoint]))) as session:
+    with open_session([], [endpoint]) as session:
         replies = session.liveliness().get(key, timeout=PATIENCE)
         return 0 if any(reply.ok for reply in replies) else 1
 

@@ -1,4 +1,4 @@
-"""The two robots, number by number.
+"""The robots, number by number.
 
 Lengths in metres, angles in radians counter-clockwise from straight ahead, speeds in encoder
 counts per 10 ms. A number that no source decides is marked as a choice.
@@ -6,11 +6,12 @@ counts per 10 ms. A number that no source decides is marked as a choice.
 
 from dataclasses import dataclass
 from math import radians
-from types import MappingProxyType
 from typing import Final
 
-from khepera_protocol.text import quoted
+from khepera_protocol.registry import Registry
+from khepera_protocol.text import printable
 
+from khepera_emulator.doors import find_part
 from khepera_emulator.errors import EmulatorError
 
 
@@ -53,7 +54,7 @@ class ProximityCurve:
 
 @dataclass(frozen=True, slots=True)
 class Rom:
-    """What the first line of the banner says of the robot's ROM.
+    """The ROM of a robot, as the first line of its banner has it.
 
     Attributes:
         name: of the robot; clients look for `KHEPERA` at its beginning.
@@ -198,18 +199,23 @@ KHEPERA2: Final = Model(
     has_flash=True,
 )
 
-MODELS: Final = MappingProxyType({model.name: model for model in (KHEPERA, KHEPERA2)})
+MODELS: Final = Registry(
+    "robot model",
+    "khepera_macor.models",
+    {
+        KHEPERA.name: "khepera_emulator.models:KHEPERA",
+        KHEPERA2.name: "khepera_emulator.models:KHEPERA2",
+    },
+)
 
 
 def find_model(name: str) -> Model:
-    """The model of a name.
+    """Return the model of a name.
 
     Raises:
         EmulatorError: there is none.
     """
-    try:
-        return MODELS[name]
-    except KeyError:
-        raise EmulatorError(
-            f"unknown robot model {quoted(name)}; choose one of {', '.join(MODELS)}"
-        ) from None
+    model = find_part(MODELS, name)
+    if not isinstance(model, Model):
+        raise EmulatorError(f"'{printable(name, 200)}' is not a robot model, a value of Model")
+    return model

@@ -12,4 +12,4 @@ Image = NDArray[np.uint8]
 """Picture of shape (height, width, 3), channels in OpenCV's order blue, green, red."""
 
 State = dict[str, NDArray[Any]]
-"""What a part has learned, as named arrays."""
+"""State of a part, as named arrays."""

@@ -33,6 +33,7 @@ from macor_hil.mind.settings import MindSettings, make_part
 
 _NODES: Final = 8
 _FEATURES: Final = 12
+_DIRECTIONS: Final = 120
 _DRIVE: Final = 200
 """Commands of the made-up drive that parts learn from."""
 
@@ -221,11 +222,12 @@ def _given() -> dict[str, Any]:
         "commands": len(COMMANDS),
         "features": _FEATURES,
         "mirrored": lambda x: x[..., ::-1],
+        "directions": _DIRECTIONS,
     }
 
 
 def _inputs(count: int, features: int) -> Array:
-    """Inputs along a few ways through the space, as a drive gives them."""
+    """Make inputs along a few ways through the space, as a drive gives them."""
     rng = np.random.default_rng(3)
     corners = rng.uniform(size=(6, features))
     share = (np.arange(count) * 0.07)[:, None] % 1.0
@@ -248,11 +250,13 @@ def _brain(memories: dict[str, Memory] | None, features: int | None = None) -> B
 
 def _moment(brain: Brain, x: Array, command: int = 2) -> Moment:
     resonance = brain.clusterer.present(x, learn=False)
-    return Moment(x, x, resonance, resonance.node * len(COMMANDS) + command)
+    # walls that come nearer with one feature or another
+    floor = np.interp(np.linspace(0, len(x) - 1, _DIRECTIONS), np.arange(len(x)), 0.1 + x)
+    return Moment(x, x, resonance, resonance.node * len(COMMANDS) + command, floor)
 
 
 def _drive(brain: Brain) -> Iterator[Experience]:
-    """A made-up drive with collisions; each experience begins where the one before ended."""
+    """Make up a drive with collisions; each experience begins where the one before ended."""
     rng = np.random.default_rng(4)
     features = brain.eyes.size if brain.memories else _FEATURES
     inputs = _inputs(_DRIVE + 1, features)

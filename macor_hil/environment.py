@@ -51,7 +51,7 @@ _E = TypeVar("_E", bound=StrEnum)
 
 
 class Observation(StrEnum):
-    """What a learner gets to see."""
+    """Kinds of observations."""
 
     FIELDS = "fields"
     """Mean colours of the receptive fields, in [0, 1]: shape (sectors * 3,), float32."""
@@ -62,7 +62,7 @@ class Observation(StrEnum):
 
 
 class Start(StrEnum):
-    """Where an emulated robot is put at the begin of an episode."""
+    """Places where an emulated robot is put at the begin of an episode."""
 
     RANDOM = "random"
     """A free place, as in the paper's training."""
@@ -168,7 +168,7 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
         return self._look(), reward, outcome.collided, False, self._info(outcome)
 
     def render(self) -> Any:
-        """The camera's last picture, red, green and blue, shape (160, 160, 3), or None."""
+        """Return the camera's last picture, red, green and blue, shape (160, 160, 3), or None."""
         if self.render_mode != "rgb_array":
             return None
         if self._frame is None:
@@ -180,7 +180,7 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
         self._stack.close()
 
     def _act(self, action: Any) -> tuple[MotorCommand, Outcome]:
-        """Drive an action: the command that it comes to, and how it went."""
+        """Drive an action; return the command that it comes to, and how it went."""
         raise NotImplementedError
 
     def _space(self) -> spaces.Box:
@@ -263,7 +263,7 @@ class WheelsEnv(KheperaEnv):
         return stopped_after(self._hardware.robot.port, self._period + LONGEST_HOLD)
 
     def _speeds(self, action: Any) -> NDArray[np.float32]:
-        """The speeds of an action, which need not be of the space's own type of number."""
+        """Return the speeds of an action, which need not be of the space's own type of number."""
         try:
             given = np.asarray(action)
         except (TypeError, ValueError):  # such as lists of several lengths
@@ -280,7 +280,7 @@ class WheelsEnv(KheperaEnv):
 
 
 def graded(reinforcement: Reinforcement, command: MotorCommand, collided: bool) -> float:
-    """What any arc earns: the paper's reinforcement for its three commands, between them by degree.
+    """Return what any arc earns: the paper's reinforcement at its three commands, else between.
 
     From straight on to a turn of 12 degrees it falls linearly, and it grows with the way, up to a
     command's 21 mm: who stands still or drives back earns nothing.
@@ -327,7 +327,7 @@ def _shown(value: object) -> str:
 
 
 def _rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture in OpenCV's order of channels, turned to Gymnasium's."""
+    """Return a picture in OpenCV's order of channels, turned to Gymnasium's."""
     return np.ascontiguousarray(image[..., ::-1])
 
 

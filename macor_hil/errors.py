@@ -52,7 +52,7 @@ class SilenceError(RobotError):
 
 
 class GarbageError(RobotError):
-    """What came is no reply to what was asked."""
+    """A reply to something else than what was asked."""
 
 
 class RobotResetError(RobotError):

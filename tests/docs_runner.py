@@ -53,6 +53,12 @@ class Block:
     line: int
     text: str
 
+    @property
+    def file(self) -> str | None:
+        """The name of the file that it is, if its first line is a comment that says so."""
+        found = re.match(r"# ([\w-]+\.py)\n", self.text)
+        return found[1] if found else None
+
     def commands(self) -> list[str]:
         """The commands in it, without their comments."""
         joined = self.text.replace("\\\n", " ")
@@ -139,6 +145,9 @@ def main() -> None:
     (folder / "runs").mkdir()
     for name, text in MADE.items():
         (folder / name).write_text(text, "utf-8")
+    for block in blocks(page):
+        if block.file:
+            (folder / block.file).write_text(block.text, "utf-8")
     shell = Shell(folder)
     try:
         for block in blocks(page):

@@ -31,9 +31,9 @@ from macor_hil.errors import (
 )
 from macor_hil.hardware.cameras import Frame, open_camera
 from macor_hil.hardware.cameras.camera import Camera
-from macor_hil.hardware.cameras.checks import CheckedCamera, PictureLimits, limits_for
+from macor_hil.hardware.cameras.camera_watch import CameraWatch
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera, PictureLimits, limits_for
 from macor_hil.hardware.cameras.live_video import LiveVideoCamera, is_device
-from macor_hil.hardware.cameras.watchdog import CameraWatch
 from macor_hil.telemetry.session import open_session
 
 
@@ -508,7 +508,7 @@ def test_a_recording_may_show_the_same_picture_again() -> None:
 
 def test_a_picture_that_takes_too_long_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    monkeypatch.setattr("macor_hil.hardware.cameras.checks.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("macor_hil.hardware.cameras.checked_camera.time.monotonic", lambda: now[0])
 
     def take() -> None:
         now[0] += 0.6

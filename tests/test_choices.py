@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from khepera_emulator.choices import Choices, option_names, parse_choices
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.robot.choices import Choices, option_names, parse_choices
 from khepera_emulator.robot.tools import LOADER_DONE, LOADER_ERROR, load_record
 
 

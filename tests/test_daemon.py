@@ -437,7 +437,7 @@ from khepera_emulator.app import daemon
 from khepera_emulator.robot import emulator
 from khepera_emulator.app import serving
 from khepera_emulator.app import side_channel
-from khepera_emulator import turrets
+from khepera_emulator.ports import pty
 arena_names()
 give_up_root()
 sys.exit(program.run())
@@ -493,10 +493,10 @@ class TestCommandLine:
         ("options", "sentence"),
         [
             (["--arena", "nowhere"], "unknown arena 'nowhere'"),
-            (["--model", "e-puck"], "unknown robot model 'e-puck'"),
+            (["--model", "e-puck"], "there is no robot model 'e-puck'; there are khepera"),
             (["--drift", "much"], "cannot read the drift 'much'"),
-            (["--baud", "fast"], "--baud fast: give auto, unpaced, or a rate such as 38400"),
-            (["--robot", "a/b"], "--robot 'a/b': a name is made of letters"),
+            (["--baud", "fast"], "--baud: 'fast' is no rate; give auto, unpaced, or a rate"),
+            (["--robot", "a/b"], "--robot: 'a/b': a name is made of letters"),
             (["--zenoh", "--listen", "nonsense"], "cannot open a Zenoh session on nonsense"),
             (["--tcp", "127.0.0.1:0"], "--link points to a terminal"),
         ],
@@ -520,7 +520,7 @@ class TestCommandLine:
         [
             (["--tcp", "4000"], "'4000' is no address; give HOST:PORT"),
             (["--rfc2217", "0.0.0.0:0"], "0.0.0.0:0 can be reached from other machines"),
-            (["--tcp", "127.0.0.1:0", "--rfc2217", "127.0.0.1:0"], "--tcp and --rfc2217:"),
+            (["--tcp", "127.0.0.1:0", "--rfc2217", "127.0.0.1:0"], "--port, --tcp and --rfc2217:"),
         ],
     )
     def test_port_that_cannot_be_is_one_sentence(

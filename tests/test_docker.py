@@ -10,11 +10,8 @@ from typing import Any
 
 import pytest
 from emulator_process import PATIENCE, emulator, free_endpoint
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE, EMULATOR_ALIVE
-from khepera_protocol.zenoh.payloads import (
-    CONTROLLER_ENDPOINT,
-    DEFAULT_ENDPOINT,
-)
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 

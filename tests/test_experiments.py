@@ -40,7 +40,7 @@ from macor_hil.experiments.results import code_digest as sources
 from macor_hil.experiments.results.code_digest import bare_code, code_of, digest
 from macor_hil.experiments.results.store import ResultsFile, only_one
 from macor_hil.experiments.sweep.runner import COSTS, reproduce
-from macor_hil.experiments.table1 import FIGURE5, TABLE1
+from macor_hil.experiments.table1 import FIGURE5, TABLE1, with_planners
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.catalogue import build_brain, whereabouts
@@ -216,6 +216,46 @@ def test_reinforcement_follows_what_commands_earn(recording: Recording) -> None:
     assert (r[straight] == 3.0).all()
     assert (r[recording.collided] == -1.0).all()
     assert (r[recording.commands == PUT_DOWN] == 0.0).all()
+
+
+OWN_PLANNER = '''
+from macor_hil.mind.planners.reactive import Reactive
+
+
+class Mine(Reactive):
+    """A planner of somebody's own."""
+'''
+
+
+def test_a_planner_of_ones_own_gets_a_row_in_table_1(
+    sweep: Path, recorded: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(OWN_PLANNER)
+    mine = f"{file}:Mine"
+    table = replace(with_planners(tiny(TABLE1), [mine]), draw=lambda *_: {})
+    shutil.copytree(sweep / "results", recorded / "results")
+    before = results_of(recorded)
+    page = reproduce([table], 2, 1, recorded, silent).read_text()
+    assert f"{mine}, here" in page
+    assert f"{mine} over anticipative" in page
+    # it drives as the reactive system does, and is kept apart from the table's own results
+    after = results_of(recorded)
+    assert {name: after[name] for name in before} == before
+    (own,) = (data for name, data in after.items() if name.startswith("planner-"))
+    (line, *_) = map(json.loads, own.splitlines()[1:])
+    (table_line, *_) = map(json.loads, next(iter(before.values())).splitlines()[1:])
+    assert line["result"]["trials"][mine] == table_line["result"]["trials"]["reactive"]
+    file.write_text(OWN_PLANNER + "CHANGED = True\n")
+    reproduce([table], 1, 1, recorded, silent)
+    assert len(results_of(recorded)) == len(after) + 1
+
+
+def test_a_planner_gets_a_row_in_no_other_table() -> None:
+    with pytest.raises(MacorError, match="--planner adds rows to table1"):
+        catalogue.with_planners([FIGURE2], ["graded"])
+    with pytest.raises(MacorError, match="no planner 'bold'"):
+        catalogue.with_planners([TABLE1], ["bold"])
 
 
 def test_results_are_json_lines_by_seed(sweep: Path) -> None:

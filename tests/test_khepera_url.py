@@ -276,7 +276,7 @@ def test_a_closed_port_refuses(port: Serial) -> None:
         ("khepera://nowhere", "unknown arena 'nowhere'"),
         ("khepera://", "unknown arena"),
         ("khepera://corridor?colour=red", "unknown option 'colour'"),
-        ("khepera://corridor?model=robot", "unknown robot model 'robot'"),
+        ("khepera://corridor?model=robot", "there is no robot model 'robot'; there are khepera"),
         ("khepera://corridor?drift=much", "cannot read the drift 'much'"),
         (
             "khepera://corridor?seed=x",

@@ -74,7 +74,7 @@ class Exhaustive:
         count = ceil(max(ways) / 0.0055)
         for k in range(1, count + 1):
             left, right = (way / PULSE * k / count for way in ways)
-            there = integrate(pose, (0, 0), (left, right))  # type: ignore[arg-type]
+            there = integrate(pose, (0, 0), (left, right))
             if self.collides(there):
                 return None
         return there

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from emulator_process import PATIENCE, emulator
 from khepera_protocol.registry import Registry, RegistryError
 
 from macor_hil.hardware.cameras.catalogue import CAMERAS
@@ -83,6 +84,44 @@ def test_the_command_line_lists_them_and_drives_by_them(installed: Path, tmp_pat
     assert "wary" in call("trials", "--map", "a.npz", "--trials", "1", "--planner", "wary")
 
 
+@pytest.mark.usefixtures("found")
+def test_a_turret_of_another_distribution_is_listed_checked_and_talked_to() -> None:
+    import serial
+
+    import khepera_emulator  # noqa: F401 - registers khepera://
+    from khepera_emulator.checks import check_turret
+    from khepera_emulator.turrets.catalogue import TURRET_CLASSES
+
+    assert TURRET_CLASSES.names()[-1] == "compass"
+    check_turret(TURRET_CLASSES.find("compass"))
+    url = "khepera://open-box?turret=compass&turret=k213"
+    with serial.serial_for_url(url, timeout=1) as port:
+        port.write(b"T,40,B\nT,40,H\nnet\n")
+        assert port.readline() == b"t,40,b,1,0\r\n"
+        assert port.readline().startswith(b"t,40,h,")
+        assert port.readline() == b"Turret N. 00000040  Compass: the heading to two degrees\r\n"
+
+
+def test_the_emulator_lists_and_mounts_a_turret(installed: Path, tmp_path: Path) -> None:
+    program = [sys.executable, "-m", "khepera_emulator.app.cli", "run"]
+    environment = {"PATH": "/usr/bin", "PYTHONPATH": str(installed), "COLUMNS": "200"}
+    said = subprocess.run([*program, "--help"], capture_output=True, text=True, env=environment)
+    assert "general-io, compass" in said.stdout
+    log, turret = tmp_path / "wire.jsonl", f"{OWN / 'own_parts' / 'turret.py'}:Compass"
+    with emulator("--no-zenoh", "--turret", turret, "--record", str(log)) as running:
+        import serial
+
+        with serial.Serial(running.path, timeout=PATIENCE) as port:
+            port.write(b"T,40,B\n")
+            assert port.readline() == b"t,40,b,1,0\r\n"
+    replay = [sys.executable, "-m", "khepera_emulator.app.cli", "replay", str(log)]
+    refused = subprocess.run(replay, capture_output=True, text=True)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert "uses code of its own" in refused.stderr
+    allowed = subprocess.run([*replay, "--allow", turret], capture_output=True, text=True)
+    assert (allowed.returncode, allowed.stdout) == (0, "1 reply lines equal\n"), allowed.stderr
+
+
 def test_a_setting_that_is_out_of_range_is_named() -> None:
     from macor_hil.errors import MacorError
 
@@ -100,6 +139,7 @@ def test_a_setting_that_is_out_of_range_is_named() -> None:
         ("no_such_module:Class", "No module named 'no_such_module'"),
         ("there/is/none.py:Class", "there is no Python file"),
         (":", "cannot load the planner ':'"),
+        (".:Class", "cannot load the planner '.:Class'"),
         ("\x1b[2J", r"there is no planner '\\\\x1b"),
     ],
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from controller_helpers import a_decision, publishing
 from emulator_process import PATIENCE, free_endpoint
-from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text("utf-8")

@@ -18,8 +18,9 @@ from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line import wire_log
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.wire_log import Entry, Recording, WireLog, read_log, robot_url
+from khepera_emulator.line.wire_log import Entry, Recording, WireLog, read_log
 from khepera_emulator.ports.protocol_khepera import Serial
+from khepera_emulator.robot.options import robot_url
 
 URL = "khepera://corridor?seed=3"
 SESSION = (b"B\n", b"D,5,3\n", b"N\n", b"N\nO\nH\n", b"D,0,0\n", b"K\n", b"M\n", b"memory\n")

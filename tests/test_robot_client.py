@@ -14,7 +14,7 @@ from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 
 from macor_hil.errors import LinkError, RobotError, RobotResetError, SilenceError
 from macor_hil.hardware.khepera import Khepera
-from macor_hil.hardware.line import (
+from macor_hil.hardware.line.serial_line import (
     LONGEST_REPLY,
     PATIENCE,
     Line,

@@ -155,8 +155,8 @@ def test_a_file_with_a_mistake_is_told(tmp_path: Path, text: str, says: str) -> 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"robot": "two words"}, "robot: 'two words': a name is made of letters"),
-        ({"baud": "fast"}, "baud: 'fast' is no rate"),
+        ({"robot": "two words"}, "--robot: 'two words': a name is made of letters"),
+        ({"baud": "fast"}, "--baud: 'fast' is no rate"),
     ],
 )
 def test_a_wrong_value_is_told(options: dict[str, str], says: str) -> None:

@@ -14,9 +14,9 @@ MOST = 14
 """Modules and folders in a folder."""
 
 OPENS_THE_EMULATOR = {
-    "macor_hil.cli.options",
+    "macor_hil.cli.common",
     "macor_hil.hardware.bench",
-    "macor_hil.hardware.line",
+    "macor_hil.hardware.line.serial_line",
     "macor_hil.runs.possible",
 }
 """Modules of the controller that find the emulator, if it is installed, when they need it."""
@@ -39,6 +39,7 @@ WITH_IO = {
 
 SEEN_BY_THE_MIND = {
     "khepera_protocol.mirror",
+    "khepera_protocol.options",
     "khepera_protocol.registry",
     "khepera_protocol.text",
     "khepera_protocol.validation",

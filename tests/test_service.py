@@ -30,8 +30,8 @@ from macor_hil.errors import CameraError, MacorError, MapError, RobotError, Tele
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.bench import ZenohBench
 from macor_hil.hardware.cameras.camera import Camera, Frame
+from macor_hil.hardware.cameras.camera_watch import CameraWatch
 from macor_hil.hardware.cameras.catalogue import CameraAddress
-from macor_hil.hardware.cameras.watchdog import CameraWatch
 from macor_hil.hardware.khepera import Khepera, open_port
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.map_file import save_map

@@ -17,7 +17,7 @@ from worlds import arena
 from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.robot.crew import Crew
+from khepera_emulator.robot.periods import is_moving, run_periods
 from khepera_emulator.robot.robot import Robot
 from khepera_emulator.senses.camera import HEIGHT, OmniCamera
 from khepera_emulator.senses.renderers.faces import FacesRenderer
@@ -38,12 +38,18 @@ class Bench:
     def __init__(self, *things: dict[str, Any], pose: Pose = ORIGIN, **parts: Any) -> None:
         self.world = World(arena(object=list(things), **parts))
         self.robot = Robot(self.world, KHEPERA, pose, IDEAL, np.random.default_rng(0))
-        self.crew = Crew(self.world, [self.robot])
 
     def drive(self, speed: int, seconds: float) -> None:
         for wheel in self.robot.wheels:
             wheel.drive_speed(speed)
-        self.crew.run(self.robot.ticks + round(seconds * 100))
+        self.run(self.robot.ticks + round(seconds * 100))
+
+    def run(self, ticks: int) -> None:
+        run_periods(self.world, [self.robot], ticks)
+
+    @property
+    def moving(self) -> bool:
+        return is_moving(self.world, [self.robot])
 
     @property
     def things(self) -> list[Brick | Disc]:
@@ -155,16 +161,15 @@ def test_a_robot_that_has_stopped_at_something_rests(
 ) -> None:
     world = World(arena(**parts))
     robot = Robot(world, KHEPERA, ORIGIN, IDEAL, np.random.default_rng(0))
-    crew = Crew(world, [robot])
     for speed, ticks in ((10, 150), (0, 250)):
         for wheel in robot.wheels:
             wheel.drive_speed(speed)
-        crew.run(ticks)
+        run_periods(world, [robot], ticks)
     gap = robot.chassis.scene.clearance(robot.chassis.x, robot.chassis.y) - KHEPERA.radius
     assert abs(gap) < 0.0005
-    assert not crew.moving
+    assert not is_moving(world, [robot])
     pose = robot.chassis.pose
-    crew.run(1000)
+    run_periods(world, [robot], 1000)
     assert robot.chassis.pose == pose
     world.close()
 
@@ -184,7 +189,7 @@ def test_a_robot_in_the_open_drives_as_exactly_as_without_things(
     for made in (alone, among):
         made.robot.wheels[0].drive_speed(7)
         made.robot.wheels[1].drive_speed(9)
-        made.crew.run(300)
+        made.run(300)
     assert among.robot.chassis.pose == alone.robot.chassis.pose
     assert among.robot.wheels[0].counter == alone.robot.wheels[0].counter
 
@@ -200,7 +205,7 @@ def test_a_robot_in_the_open_drives_exactly_while_something_rolls(
     for each in (made, alone):
         each.robot.wheels[0].drive_speed(-5)
         each.robot.wheels[1].drive_speed(-7)
-        each.crew.run(50)
+        each.run(50)
     assert made.things[0].x > 0.15
     assert made.robot.chassis.pose == alone.robot.chassis.pose
 
@@ -210,10 +215,10 @@ def test_time_passes_for_a_rolling_ball_while_the_robot_rests(bench: Callable[..
     (ball,) = made.world.things
     pybullet.resetBaseVelocity(ball.body, [0.2, 0, 0], physicsClientId=made.world.client)
     made.world.period()
-    made.crew.run(300)
+    made.run(300)
     # v^2 / 2a with a = 0.05 x 0.4 g
     assert made.things[0].x - 0.1 == pytest.approx(0.04 / (2 * 0.05 * 0.4 * 9.81), rel=0.1)
-    assert not made.crew.moving
+    assert not made.moving
 
 
 def test_rays_equal_those_of_pybullet() -> None:

@@ -25,7 +25,7 @@ from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.checkpoints import checkpoint_path, train_map
 from macor_hil.runs.recovery import Ask, TrainingRecovery
-from macor_hil.runs.training import Phase, Recovery, Schedule
+from macor_hil.runs.training import Recovery, Schedule, SessionKind
 
 PORT = "khepera://corridor?seed=3"
 SHORT = Schedule(tuning=20, random=60, reactive=20, session=20, episode=15, seed=5)
@@ -58,7 +58,9 @@ def test_sessions_cover_all_commands_in_the_paper_s_order() -> None:
     sessions = Schedule(tuning=400, random=1100, reactive=300, session=250).sessions()
     assert [s.length for s in sessions] == [400, 250, 250, 250, 250, 100, 250, 50]
     assert [s.start for s in sessions] == [0, 400, 650, 900, 1150, 1400, 1500, 1750]
-    assert [s.phase for s in sessions] == [Phase.TUNING] + [Phase.RANDOM] * 5 + [Phase.REACTIVE] * 2
+    assert [s.kind for s in sessions] == [SessionKind.TUNING] + [SessionKind.RANDOM] * 5 + [
+        SessionKind.REACTIVE
+    ] * 2
     assert [s.number for s in sessions] == list(range(8))
 
 

@@ -5,16 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 from khepera_protocol.serial.errors import RequestError
-from khepera_protocol.serial.turrets import READING_PERIODS, TURRETS
+from khepera_protocol.serial.turrets import READING_PERIODS
 
-from khepera_emulator.choices import Choices
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.turrets import Equipment, Rack, Site, check_turrets, mount
+from khepera_emulator.turrets.catalogue import TURRET_CLASSES, find_turrets
 from khepera_emulator.turrets.general_io import GeneralIO
 from khepera_emulator.turrets.gripper import Gripper
 from khepera_emulator.turrets.k213 import K213
+from khepera_emulator.turrets.rack import Fittings, Rack, mount
 from khepera_emulator.turrets.radio import AIR_TIME, Radio, RadioMedium
-from khepera_emulator.turrets.turret import Piece
+from khepera_emulator.turrets.turret import Piece, Site
 
 RADIUS = 0.0275
 
@@ -383,8 +383,8 @@ def test_general_io_is_on_the_bus_and_the_inputs() -> None:
 
 
 def test_each_turret_is_found_by_its_number() -> None:
-    equipment = Equipment(tuple(TURRETS))
-    rack = mount(equipment, Nest().site, np.random.default_rng(0))
+    fittings = Fittings(Nest().site, RadioMedium())
+    rack = mount(find_turrets(TURRET_CLASSES.names()), fittings, np.random.default_rng(0))
     found = {number: turret.kind.name for number in range(256) if (turret := rack.find(number))}
     assert found == {1: "gripper", 2: "k213", 4: "radio"}
     assert not Rack([])
@@ -392,8 +392,8 @@ def test_each_turret_is_found_by_its_number() -> None:
 
 def test_what_a_turret_reads_does_not_depend_on_the_others() -> None:
     def image(*names: str) -> tuple[int, ...]:
-        equipment = Equipment(names, Choices(pixels_from_zero=True))
-        turret = mount(equipment, Nest().site, np.random.default_rng(5)).find(2)
+        fittings = Fittings(Nest().site, RadioMedium(), first=0)
+        turret = mount(find_turrets(names), fittings, np.random.default_rng(5)).find(2)
         assert turret is not None
         return turret.answer("N", (), 0.0)
 
@@ -401,8 +401,8 @@ def test_what_a_turret_reads_does_not_depend_on_the_others() -> None:
 
 
 def test_names_of_turrets_are_checked() -> None:
-    assert check_turrets(["k213", "radio"]) == ("k213", "radio")
-    with pytest.raises(EmulatorError, match="unknown turret 'arm'; there are gripper, k213"):
-        check_turrets(["arm"])
+    assert find_turrets(["k213", "radio"]) == (K213, Radio)
+    with pytest.raises(EmulatorError, match="no turret 'arm'; there are gripper, k213"):
+        find_turrets(["arm"])
     with pytest.raises(EmulatorError, match="twice"):
-        check_turrets(["radio", "k213", "radio"])
+        find_turrets(["radio", "k213", "radio"])

@@ -12,6 +12,7 @@ import khepera_emulator  # noqa: F401 - registers the URL scheme
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.body.drift import PRESETS
 from khepera_emulator.robot.emulator import Emulator, Setup, make_fleet
+from khepera_emulator.turrets.catalogue import find_turrets
 from khepera_emulator.turrets.general_io import GeneralIO
 
 BENCH = Path(__file__).parent / "golden" / "bench.toml"
@@ -23,7 +24,9 @@ def make() -> Iterator[Callable[..., list[Emulator]]]:
     made: list[Emulator] = []
 
     def make_robots(*turrets: str, arena: str = str(BENCH), size: int = 1) -> list[Emulator]:
-        setup = Setup(load_arena(arena), drift=PRESETS["none"], baud=None, turrets=turrets)
+        setup = Setup(
+            load_arena(arena), drift=PRESETS["none"], baud=None, turrets=find_turrets(turrets)
+        )
         robots = make_fleet(setup, size)
         made.append(robots[0])
         return robots
@@ -167,7 +170,7 @@ def test_the_tool_serial_sets_the_rate_after_its_reply() -> None:
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ("turret=arm", "unknown turret 'arm'"),
+        ("turret=arm", "there is no turret 'arm'; there are gripper"),
         ("turret=radio&turret=radio", "twice"),
         ("firmware=fast", "unknown firmware option 'fast'"),
     ],

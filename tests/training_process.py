@@ -17,8 +17,8 @@ from as_type import as_type
 
 from macor_hil.errors import MacorError
 from macor_hil.hardware.address import PortAddress
-from macor_hil.hardware.cameras.checks import CheckedCamera, limits_for
-from macor_hil.hardware.cameras.watchdog import CameraWatch
+from macor_hil.hardware.cameras.camera_watch import CameraWatch
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_for
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain

@@ -11,13 +11,13 @@ from khepera_protocol.zenoh.payloads import Pose
 from khepera_emulator.arenas.arena import Arena, Point
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA, Model
-from khepera_emulator.paths import check_output
+from khepera_emulator.ports.paths import check_output
 from khepera_emulator.world.floor_plan import FloorPlan
 from khepera_emulator.world.free_space import pose_of
 from khepera_emulator.world.outline import outline
 
 FORMATS: Final = (".png", ".jpg", ".jpeg", ".svg", ".pdf")
-"""How the names of pictures end."""
+"""Suffixes of pictures' names."""
 
 _WIDTH = 4.8
 """Inches of the picture's longer side."""

@@ -115,7 +115,7 @@ class Daemon:
         return _readable(readers, max(0.0, delay))
 
     def _serve(self, ready: set[int]) -> None:
-        """One round: bytes to the robots, time, bytes to the clients, queries."""
+        """Serve one round: bytes to the robots, time, bytes to the clients, queries."""
         for line in self._lines:
             line.look(ready)
         # the time is read after the bytes: none sets out before it was written
@@ -178,14 +178,14 @@ class _Line:
             emulator.uart.faults.listeners.append(self._log.fault)
 
     def descriptors(self) -> tuple[int, ...]:
-        """What becomes readable when a client or a query comes."""
+        """Return what becomes readable when a client or a query comes."""
         self._room = self._emulator.uart.room(self._emulator.now, _TAKE)
         self._answered = self._emulator.uart.idle
         self._watched = self._port.descriptors(room=self._room > 0, answered=self._answered)
         return (*self._watched, self._channel.fileno()) if self._channel else self._watched
 
     def delay(self, now: float, speed: float) -> float:
-        """Real seconds until something is due, at most `RESTING_PERIOD`; may be negative."""
+        """Return real seconds until something is due, at most `RESTING_PERIOD`; may be negative."""
         delay = RESTING_PERIOD if self._room else MOVING_PERIOD
         if self._channel:
             delay = min(delay, self._channel.delay())
@@ -302,5 +302,5 @@ def _readable(descriptors: Sequence[int], seconds: float) -> set[int]:
 
 
 def _whole_requests(data: bytes) -> bytes:
-    """Bytes without the beginning of a request, which whoever comes next would go on with."""
+    """Return bytes up to the last whole request: whoever comes next would go on with half a one."""
     return data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]

@@ -15,7 +15,7 @@ STATUS: Final = (
 
 
 class Ending:
-    """Takes the signals over: they raise KeyboardInterrupt, or do as `call` wants.
+    """Handler of signals: they raise KeyboardInterrupt, or do as `call` wants.
 
     Attributes:
         number: of the first signal that came; 0 before.

@@ -6,8 +6,10 @@ from typing import Annotated, Final
 
 from khepera_protocol.options import Cli
 from khepera_protocol.text import quoted
-from khepera_protocol.zenoh.payloads import DEFAULT_ENDPOINT
+from khepera_protocol.zenoh.config import DEFAULT_ENDPOINT
 from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from khepera_emulator.ports.opening import PORTS, TERMINAL
 
 _ROBOT: Final = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
@@ -19,14 +21,20 @@ class LineOptions(BaseModel):
 
     speed: float = Field(default=1.0, ge=0.01, le=1000.0, description="Speed-up of simulated time.")
     link: Path | None = Field(default=None, description="Symbolic link to make to the terminal.")
+    port: Annotated[str | None, Cli(metavar="KIND[=ADDRESS]", names=PORTS.names)] = Field(
+        default=None,
+        description="Kind of port that a client opens: {names}; or file.py:Class. A terminal if"
+        " absent.",
+    )
     tcp: Annotated[str | None, Cli(metavar="HOST:PORT")] = Field(
         default=None,
-        description="A TCP port instead of a terminal; port 0: a free one. With --robots the ports"
+        description="The same as --port tcp=HOST:PORT; port 0: a free one. With --robots the ports"
         " from there on, one each.",
     )
     rfc2217: Annotated[str | None, Cli(metavar="HOST:PORT")] = Field(
         default=None,
-        description="A serial port server (RFC 2217) instead of a terminal; ports as with --tcp.",
+        description="The same as --port rfc2217=HOST:PORT, a serial port server; ports as with"
+        " --tcp.",
     )
     expose: Annotated[bool, Cli(flags=("--expose",))] = Field(
         default=False, description="Let other machines reach --tcp and --rfc2217."
@@ -39,6 +47,11 @@ class LineOptions(BaseModel):
         description="Write down what passes on the line (see `replay`); with --robots in FILE-1,"
         " FILE-2 ...",
     )
+
+    @property
+    def on_terminal(self) -> bool:
+        """True if the robots' lines are pseudo-terminals."""
+        return self.port in (None, TERMINAL) and self.tcp is None and self.rfc2217 is None
 
 
 class ZenohOptions(BaseModel):

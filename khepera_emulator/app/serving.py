@@ -12,9 +12,9 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.clock import Clock
 from khepera_emulator.line.fault_text import read_script
 from khepera_emulator.line.wire_log import WireLog
-from khepera_emulator.paths import check_name, check_output
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
+from khepera_emulator.ports.paths import check_name, check_output
 from khepera_emulator.ports.port import Port
 from khepera_emulator.robot.emulator import make_fleet
 from khepera_emulator.robot.options import AUTO, RobotOptions, UrlOptions
@@ -39,7 +39,7 @@ def serve(
     Raises:
         EmulatorError: an option names nothing that there is, or the system refuses something.
     """
-    if line.link and (line.tcp or line.rfc2217):
+    if line.link and not line.on_terminal:
         raise EmulatorError("--link points to a terminal, and --tcp and --rfc2217 have none")
     count = options.robots
     faults = read_script(line.fault_script) if line.fault_script else []
@@ -91,9 +91,13 @@ def _ports(stack: ExitStack, line: LineOptions, claims: list[Link | None]) -> li
     """Open a port for each robot."""
     ports: list[Port] = []
     for place, claim in enumerate(claims):
-        moved = {"moved": claim.point_to} if claim else {}
         port = open_port(
-            tcp=line.tcp, rfc2217=line.rfc2217, expose=line.expose, place=place, **moved
+            port=line.port,
+            tcp=line.tcp,
+            rfc2217=line.rfc2217,
+            expose=line.expose,
+            place=place,
+            moved=claim.point_to if claim else lambda _: None,
         )
         stack.callback(port.close)
         ports.append(port)

@@ -123,7 +123,7 @@ class Movable(_Part):
 
 
 class Start(_Part):
-    """Where a robot stands after power-on."""
+    """Place of a robot after power-on."""
 
     x: Metres
     y: Metres
@@ -131,7 +131,7 @@ class Start(_Part):
 
 
 class Corridor(_Part):
-    """Where `random` starts are drawn: along a middle line, to its sides, about its heading."""
+    """Strip of `random` starts: along a middle line, to its sides, about its heading."""
 
     points: list[Point] = Field(min_length=2, max_length=MOST_SOLIDS)
     half_width: Number = Field(ge=_SHORTEST, le=5.0)
@@ -178,7 +178,7 @@ class Arena(_Part):
 
 
 def arena_names() -> list[str]:
-    """Names of the arenas that come with the package."""
+    """Return names of the arenas that come with the package."""
     folder = resources.files("khepera_emulator") / "arenas"
     return sorted(
         entry.name.removesuffix(".toml")
@@ -188,7 +188,7 @@ def arena_names() -> list[str]:
 
 
 def load_arena(name: str) -> Arena:
-    """The arena of a name, or of a path to a TOML file.
+    """Return the arena of a name, or of a path to a TOML file.
 
     Raises:
         EmulatorError: there is no such arena, or its file does not hold one.
@@ -202,7 +202,7 @@ def load_arena(name: str) -> Arena:
 
 
 def _document(name: str) -> bytes:
-    """The bytes of an arena's file, or a few more than are ever parsed."""
+    """Return the bytes of an arena's file, or a few more than are ever parsed."""
     names = arena_names()
     if name in names:
         return (resources.files("khepera_emulator") / "arenas" / f"{name}.toml").read_bytes()

@@ -20,7 +20,7 @@ _LONGEST: Final = 60
 """Characters of a value or a key that are shown."""
 
 _ALIKE: Final = 0.7
-"""How alike a misspelt key and the one that is meant are at least; see `difflib`."""
+"""Least similarity of a misspelt key and the one that is meant; see `difflib`."""
 
 _SENTENCES: Final[Mapping[str, str]] = MappingProxyType(
     {

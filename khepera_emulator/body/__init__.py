@@ -1,1 +1,1 @@
-"""How a robot moves: motors, drift, chassis, contact, rigid body."""
+"""Motion of a robot: motors, drift, chassis, contact, rigid body."""

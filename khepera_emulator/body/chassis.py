@@ -3,7 +3,7 @@
 Away from everything else nothing but the wheels acts on the body, and the pose follows from the
 ways of the two wheels exactly. In a period whose way would lead into a wall, tyres slip and the
 body slides: `contact`. As soon as the body could touch something that moves when it is pushed, the
-same wheels drive a rigid body in PyBullet instead: `rigid_body`. `crew` then brings all robots
+same wheels drive a rigid body in PyBullet instead: `rigid_body`. `periods` then brings all robots
 through a period together.
 """
 
@@ -33,7 +33,7 @@ _STILL = 1e-6
 """Metres a period below which a wheel that hardly shall turn stands: the dynamics never rest."""
 
 _GREY = 120 / 255
-"""How bright a robot is to infrared (KiKS)."""
+"""Brightness of a robot to infrared (KiKS)."""
 
 
 class Chassis(Disc):
@@ -113,7 +113,7 @@ class Chassis(Disc):
         self.reach = reach_left if reach_left > reach_right else reach_right
 
     def meets_mover(self, most: float) -> bool:
-        """Whether the body could touch something that moves in the period; all must have aimed.
+        """Tell whether the body could touch what moves in the period; all must have aimed.
 
         Args:
             most: metres that anything in the world may go in the period.

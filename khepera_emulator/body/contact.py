@@ -62,6 +62,15 @@ class Motion(NamedTuple):
     rate: float
 
 
+_Moves = tuple[float, float, float]
+"""A `Motion`, as a plain tuple."""
+
+_Impulse = tuple[float, float]
+"""Impulse of a wall: towards the body, and along it."""
+
+_Tyres = tuple[float, float, float, float]
+
+
 class Contact:
     """Impulses between a robot, the floor and what is in its way.
 
@@ -80,100 +89,147 @@ class Contact:
         # a hull of four fifths of the mass, and two wheels
         inertia = 0.4 * mass * model.radius**2 + 0.2 * mass * arm**2
         self._mass = mass
-        self._light, self._turns = 1.0 / mass, 1.0 / inertia
-        self._arm, self._radius = arm, model.radius
+        light, turns = 1.0 / mass, 1.0 / inertia
+        self._light, self._arm, self._radius = light, arm, model.radius
+        self._turns_arm, self._turns_radius = turns * arm, turns * model.radius
+        # impulses for each m/s of slip; the same ahead as aside, so that friction opposes the slip
+        self._stiff = 1.0 / (light + arm * self._turns_arm)
+        self._rub = 1.0 / (light + model.radius * self._turns_radius)
         self._hold = _TYRE * mass * GRAVITY / 2 * CONTROL_PERIOD
         self.forget()
 
     def forget(self) -> None:
         """Begin anew: nothing has been pushed before."""
         self.pressing = self.slipping = False
-        self._tyres = (0.0, 0.0, 0.0, 0.0)
-        self._walls: list[tuple[float, float]] = []
+        self._tyres: _Tyres = (0.0, 0.0, 0.0, 0.0)
+        self._walls: list[_Impulse] = []
 
     def push(self, motion: Motion, wheels: tuple[float, float], touches: Sequence[Touch]) -> Motion:
-        """The motion at the end of a period.
+        """Return the motion at the end of a period.
 
         Args:
             motion: at its beginning.
             wheels: m/s of left and right wheel over ground, if nothing slipped.
             touches: what is in the way.
         """
-        light, arm, radius = self._light, self._arm, self._radius
-        turns, hold = self._turns, self._hold
-        turns_arm, turns_radius = turns * arm, turns * radius
-        # impulses for each m/s of slip; the same ahead as aside, so that friction opposes the slip
-        stiff = 1.0 / (light + arm * turns_arm)
-        rub = 1.0 / (light + radius * turns_radius)
-        wanted_left, wanted_right = wheels
+        moves, walls = self._begin(motion, touches)
+        limits = [(gap if gap > 0.0 else _PUSH_OUT * gap) / CONTROL_PERIOD for gap, _, _ in touches]
+        tyres = self._tyres
+        tolerance = _ACCURACY * self._hold
+        for _ in range(_TURNS):
+            moves, lean, change = self._press(moves, touches, limits, walls)
+            moves, tyres, change = self._grip(moves, tyres, wheels, lean, change)
+            if change < tolerance:
+                break
+        self._tyres, self._walls = tyres, walls
+        self.pressing = any(press > 0.0 for press, _ in walls)
+        ahead, left, rate = moves
+        slip = abs(left) + abs(ahead - self._arm * rate - wheels[0])
+        self.slipping = slip + abs(ahead + self._arm * rate - wheels[1]) > _SLIPPING
+        return Motion(ahead, left, rate)
+
+    def _begin(self, motion: Motion, touches: Sequence[Touch]) -> tuple[_Moves, list[_Impulse]]:
+        """Apply the impulses of the period before; return the motion and those of the walls."""
+        light, turns_radius = self._light, self._turns_radius
         ahead, left, rate = motion
-        # begin with the impulses of the period before
         al, ll, ar, lr = self._tyres
         walls = self._walls
         if len(walls) != len(touches):
             walls = [(0.0, 0.0)] * len(touches)
         ahead += light * (al + ar)
         left += light * (ll + lr)
-        rate += turns_arm * (ar - al)
-        limits = []
-        for touch, (press, drag) in zip(touches, walls, strict=True):
-            gap, to_ahead, to_left = touch
+        rate += self._turns_arm * (ar - al)
+        for (_, to_ahead, to_left), (press, drag) in zip(touches, walls, strict=True):
             ahead -= light * (press * to_ahead + drag * to_left)
             left -= light * (press * to_left - drag * to_ahead)
             rate += turns_radius * drag
-            limits.append((gap if gap > 0.0 else _PUSH_OUT * gap) / CONTROL_PERIOD)
-        walls = list(walls)
-        tolerance = _ACCURACY * hold
-        for _ in range(_TURNS):
-            change = 0.0
-            lean = 0.0
-            for number, (_, to_ahead, to_left) in enumerate(touches):
-                before, drag_before = walls[number]
-                press = before + (ahead * to_ahead + left * to_left - limits[number]) * self._mass
-                if press < 0.0:
-                    press = 0.0
-                most = _WALL * press
-                step = press - before
-                ahead -= light * step * to_ahead
-                left -= light * step * to_left
-                drag = drag_before - (left * to_ahead - ahead * to_left + radius * rate) * rub
-                drag = most if drag > most else -most if drag < -most else drag
-                walls[number] = press, drag
-                change += abs(step)
-                lean += press * to_left
-                step = drag - drag_before
-                ahead -= light * step * to_left
-                left += light * step * to_ahead
-                rate += turns_radius * step
-            lean *= _TYRE * _HEIGHT / (2 * arm)
-            lean = hold if lean > hold else -hold if lean < -hold else lean
-            # the left tyre, then the right one
-            most = hold - lean
-            a, b = al - stiff * (ahead - arm * rate - wanted_left), ll - stiff * left
-            size = hypot(a, b)
-            if size > most:
-                a, b = a * most / size, b * most / size
-            step, aside = a - al, b - ll
-            al, ll = a, b
-            ahead += light * step
-            left += light * aside
-            rate -= turns_arm * step
-            change += abs(step) + abs(aside)
-            most = hold + lean
-            a, b = ar - stiff * (ahead + arm * rate - wanted_right), lr - stiff * left
-            size = hypot(a, b)
-            if size > most:
-                a, b = a * most / size, b * most / size
-            step, aside = a - ar, b - lr
-            ar, lr = a, b
-            ahead += light * step
-            left += light * aside
-            rate += turns_arm * step
-            change += abs(step) + abs(aside)
-            if change < tolerance:
-                break
-        self._tyres, self._walls = (al, ll, ar, lr), walls
-        self.pressing = any(press > 0.0 for press, _ in walls)
-        slip = abs(left) + abs(ahead - arm * rate - wanted_left)
-        self.slipping = slip + abs(ahead + arm * rate - wanted_right) > _SLIPPING
-        return Motion(ahead, left, rate)
+        return (ahead, left, rate), list(walls)
+
+    def _press(
+        self,
+        moves: _Moves,
+        touches: Sequence[Touch],
+        limits: Sequence[float],
+        walls: list[_Impulse],
+    ) -> tuple[_Moves, float, float]:
+        """Let every wall push and rub, one after the other.
+
+        Args:
+            moves: the motion so far.
+            touches: what is in the way.
+            limits: m/s towards each that leave it alone.
+            walls: impulses of each; they change.
+
+        Returns:
+            The motion, how far the robot leans to the left, and how much the impulses changed.
+        """
+        light, radius, mass = self._light, self._radius, self._mass
+        turns_radius, rub = self._turns_radius, self._rub
+        ahead, left, rate = moves
+        change = lean = 0.0
+        for number, (_, to_ahead, to_left) in enumerate(touches):
+            before, drag_before = walls[number]
+            press = before + (ahead * to_ahead + left * to_left - limits[number]) * mass
+            if press < 0.0:
+                press = 0.0
+            most = _WALL * press
+            step = press - before
+            ahead -= light * step * to_ahead
+            left -= light * step * to_left
+            drag = drag_before - (left * to_ahead - ahead * to_left + radius * rate) * rub
+            drag = most if drag > most else -most if drag < -most else drag
+            walls[number] = press, drag
+            change += abs(step)
+            lean += press * to_left
+            step = drag - drag_before
+            ahead -= light * step * to_left
+            left += light * step * to_ahead
+            rate += turns_radius * step
+        return (ahead, left, rate), lean, change
+
+    def _grip(
+        self,
+        moves: _Moves,
+        tyres: _Tyres,
+        wheels: tuple[float, float],
+        lean: float,
+        change: float,
+    ) -> tuple[_Moves, _Tyres, float]:
+        """Let the left tyre hold its point on the floor, then the right one.
+
+        Args:
+            moves: the motion so far.
+            tyres: impulses of left and right tyre, ahead and to the left.
+            wheels: m/s over ground of the wheels.
+            lean: impulse by which walls lean the robot to the left.
+            change: of impulses, so far in this turn.
+
+        Returns:
+            The motion, the tyres' impulses, and how much all impulses changed in this turn.
+        """
+        light, arm, hold = self._light, self._arm, self._hold
+        turns_arm, stiff = self._turns_arm, self._stiff
+        ahead, left, rate = moves
+        al, ll, ar, lr = tyres
+        lean *= _TYRE * _HEIGHT / (2 * arm)
+        lean = hold if lean > hold else -hold if lean < -hold else lean
+        a, b = _held(al - stiff * (ahead - arm * rate - wheels[0]), ll - stiff * left, hold - lean)
+        step, aside = a - al, b - ll
+        al, ll = a, b
+        ahead += light * step
+        left += light * aside
+        rate -= turns_arm * step
+        change += abs(step) + abs(aside)
+        a, b = _held(ar - stiff * (ahead + arm * rate - wheels[1]), lr - stiff * left, hold + lean)
+        step, aside = a - ar, b - lr
+        ahead += light * step
+        left += light * aside
+        rate += turns_arm * step
+        change += abs(step) + abs(aside)
+        return (ahead, left, rate), (al, ll, a, b), change
+
+
+def _held(a: float, b: float, most: float) -> tuple[float, float]:
+    """Return an impulse, ahead and to the left, no greater than what a tyre holds."""
+    size = hypot(a, b)
+    return (a * most / size, b * most / size) if size > most else (a, b)

@@ -1,4 +1,4 @@
-"""What the encoders do not see: unequal wheels, a wrong wheel base, and slip.
+"""Errors that the encoders do not see: unequal wheels, a wrong wheel base, and slip.
 
 The counters of H are exact numbers of wheel rotation; drift turns the counted way of each wheel
 into its way over ground. Systematic errors are drawn once for each robot, slip every 10 ms.
@@ -71,7 +71,7 @@ def parse_drift(text: str) -> DriftSettings:
 
 
 def draw_drift(settings: DriftSettings, wheel_base: float, rng: np.random.Generator) -> WheelDrift:
-    """The systematic errors of one robot; `wheel_base` is the nominal one in metres."""
+    """Draw the systematic errors of one robot; `wheel_base` is the nominal one in metres."""
     left, right, base = rng.standard_normal(3)
     return WheelDrift(
         left_scale=1.0 + settings.scale * float(left),
@@ -82,6 +82,6 @@ def draw_drift(settings: DriftSettings, wheel_base: float, rng: np.random.Genera
 
 
 def slip_sequence(rng: np.random.Generator, block: int = 256) -> Iterator[tuple[float, float]]:
-    """Endless standard normal pairs, drawn in blocks because single draws are slow."""
+    """Draw endless standard normal pairs, drawn in blocks because single draws are slow."""
     while True:
         yield from rng.standard_normal((block, 2)).tolist()

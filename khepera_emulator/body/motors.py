@@ -23,7 +23,7 @@ _CREEP = 0.05
 
 
 class Mode(Enum):
-    """What drives the wheel."""
+    """Controller that drives the wheel."""
 
     SPEED = auto()
     POSITION = auto()
@@ -180,7 +180,7 @@ class Wheel:
             self.reached = self._reference == self.target and abs(self.error) <= self.reached_within
 
     def at_rest(self) -> bool:
-        """Whether the wheel stands and nothing drives it."""
+        """Tell whether the wheel stands and nothing drives it."""
         if self.speed != 0.0 or self.measured != 0:
             return False
         if self.mode is _POSITION:
@@ -235,5 +235,5 @@ class Wheel:
 
 
 def _wrap(count: int) -> int:
-    """A count as a signed 32-bit number holds it."""
+    """Return a count as a signed 32-bit number holds it."""
     return (count + 2**31) % 2**32 - 2**31

@@ -39,7 +39,7 @@ _MAST_RADIUS, _MAST_HEIGHT = 0.012, 0.055
 
 
 class Arrival(NamedTuple):
-    """What a period of the dynamics has done to a robot.
+    """Motion of a robot in a period of the dynamics.
 
     Attributes:
         x, y, heading: where it is now; metres, and radians within a turn.
@@ -114,7 +114,7 @@ class RigidBody:
         )
 
     def arrive(self) -> Arrival:
-        """Where a period of the dynamics has brought it."""
+        """Tell where a period of the dynamics has brought it."""
         contact = self._touches()
         (x, y, _), turn = pybullet.getBasePositionAndOrientation(
             self.number, physicsClientId=self._client
@@ -133,7 +133,7 @@ class RigidBody:
         pybullet.changeVisualShape(self.number, -1, rgbaColor=colour, physicsClientId=self._client)
 
     def _turned(self) -> tuple[float, float]:
-        """Metres that the wheels have turned since this was last asked."""
+        """Return metres that the wheels have turned since this was last asked."""
         states = pybullet.getJointStates(self.number, _WHEELS, physicsClientId=self._client)
         before, self._wheel_angles = self._wheel_angles, (states[0][0], states[1][0])
         radius = self._model.wheel_radius
@@ -145,7 +145,7 @@ class RigidBody:
     def _torques(
         self, ways: tuple[float, float], ground_speed: tuple[float, float]
     ) -> tuple[float, float]:
-        """The most that each motor can do, in N m."""
+        """Return the most that each motor can do, in N m."""
         # a wheel pulls no harder than its tyre holds: half the weight each, friction 1
         most = self._model.mass * 9.81 / 2 * self._model.wheel_radius
         if not self._pressed:
@@ -168,26 +168,15 @@ class RigidBody:
         return bool(points)
 
     def _build(self) -> int:
-        model, client = self._model, self._client
+        body = self._make()
+        self._set_dynamics(body)
+        hide(body, self._client, first=0 if self._world.shared else -1)
+        return body
 
-        def sphere(radius: float) -> int:
-            shape: int = pybullet.createCollisionShape(
-                pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client
-            )
-            return shape
-
-        hull = pybullet.createCollisionShape(
-            pybullet.GEOM_CYLINDER,
-            radius=model.radius,
-            height=model.height - _GROUND_CLEARANCE,
-            # the base frame lies on the wheel axle
-            collisionFramePosition=[
-                0,
-                0,
-                (model.height + _GROUND_CLEARANCE) / 2 - model.wheel_radius,
-            ],
-            physicsClientId=client,
-        )
+    def _make(self) -> int:
+        """Make the hull with its two wheels and two casters."""
+        model = self._model
+        radii = (model.wheel_radius, model.wheel_radius, _CASTER_RADIUS, _CASTER_RADIUS)
         half_base = self._wheel_base / 2
         caster_height = _CASTER_RADIUS - model.wheel_radius + _CASTER_LIFT
         places = [
@@ -198,16 +187,11 @@ class RigidBody:
         ]
         body: int = pybullet.createMultiBody(
             baseMass=model.mass * 0.8,
-            baseCollisionShapeIndex=hull,
+            baseCollisionShapeIndex=self._hull(),
             baseVisualShapeIndex=self._look() if self._world.shared else -1,
             basePosition=[0, 0, model.wheel_radius],
             linkMasses=[model.mass * 0.09, model.mass * 0.09, 0.001, 0.001],
-            linkCollisionShapeIndices=[
-                sphere(model.wheel_radius),
-                sphere(model.wheel_radius),
-                sphere(_CASTER_RADIUS),
-                sphere(_CASTER_RADIUS),
-            ],
+            linkCollisionShapeIndices=[self._sphere(radius) for radius in radii],
             linkVisualShapeIndices=[-1] * 4,
             linkPositions=places,
             linkOrientations=[[0, 0, 0, 1]] * 4,
@@ -216,8 +200,35 @@ class RigidBody:
             linkParentIndices=[0] * 4,
             linkJointTypes=[pybullet.JOINT_REVOLUTE] * 2 + [pybullet.JOINT_FIXED] * 2,
             linkJointAxis=[[0, 1, 0]] * 4,
-            physicsClientId=client,
+            physicsClientId=self._client,
         )
+        return body
+
+    def _hull(self) -> int:
+        model = self._model
+        hull: int = pybullet.createCollisionShape(
+            pybullet.GEOM_CYLINDER,
+            radius=model.radius,
+            height=model.height - _GROUND_CLEARANCE,
+            # the base frame lies on the wheel axle
+            collisionFramePosition=[
+                0,
+                0,
+                (model.height + _GROUND_CLEARANCE) / 2 - model.wheel_radius,
+            ],
+            physicsClientId=self._client,
+        )
+        return hull
+
+    def _sphere(self, radius: float) -> int:
+        shape: int = pybullet.createCollisionShape(
+            pybullet.GEOM_SPHERE, radius=radius, physicsClientId=self._client
+        )
+        return shape
+
+    def _set_dynamics(self, body: int) -> None:
+        """Set what slows the body down, how its parts rub, and what they meet."""
+        client = self._client
         # damping and sleep concern the whole body: given together with a link's friction,
         # PyBullet would put that friction on the base
         pybullet.changeDynamics(
@@ -238,11 +249,9 @@ class RigidBody:
                 else (FLOOR_GROUP, FLOOR_GROUP)
             )
             pybullet.setCollisionFilterGroupMask(body, link, group, mask, physicsClientId=client)
-        hide(body, client, first=0 if self._world.shared else -1)
-        return body
 
     def _look(self) -> int:
-        """Shape of the hull and of the camera's mast on it, for the cameras of others."""
+        """Make the shape of the hull and of the camera's mast on it, for the cameras of others."""
         model = self._model
         hull, mast = model.height - _GROUND_CLEARANCE, _MAST_HEIGHT - model.height
         look: int = pybullet.createVisualShapeArray(

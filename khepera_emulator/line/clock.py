@@ -9,7 +9,7 @@ GRID: Final = 2.0**-30
 
 
 def on_grid(seconds: float) -> float:
-    """The nearest multiple of `GRID`."""
+    """Return the nearest multiple of `GRID`."""
     return round(seconds / GRID) * GRID
 
 
@@ -32,7 +32,7 @@ class Clock:
         return (self._source() - self._start) * self.speed
 
     def delay(self, moment: float) -> float:
-        """Real seconds until a moment of simulated time; 0 when it has passed."""
+        """Return real seconds until a moment of simulated time; 0 when it has passed."""
         return max(0.0, (moment - self.now) / self.speed)
 
     def fall_back(self, seconds: float) -> None:

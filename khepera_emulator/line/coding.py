@@ -36,7 +36,7 @@ class LineFormat:
     stop: float = 1
 
     def matches(self, other: "LineFormat") -> bool:
-        """Whether both ends understand each other exactly."""
+        """Tell whether both ends understand each other exactly."""
         return (self.baud, self.bits, self.parity) == (other.baud, other.bits, other.parity)
 
     @property
@@ -59,7 +59,7 @@ class Heard:
 
 
 def receive(data: bytes, sender: LineFormat, receiver: LineFormat) -> list[Heard]:
-    """What arrives of bytes that are sent one after the other on a line that was idle."""
+    """Return what arrives of bytes that are sent one after the other on a line that was idle."""
     levels = _levels(data, sender)
     ratio = sender.baud / receiver.baud
     heard: list[Heard] = []
@@ -84,7 +84,7 @@ def _parity_bit(byte: int, parity: str) -> int:
 
 
 def _levels(data: bytes, sender: LineFormat) -> list[int]:
-    """Levels of the line, one a bit time; one and a half stop bits are sent as two."""
+    """Return levels of the line, one a bit time; one and a half stop bits are sent as two."""
     levels: list[int] = []
     for byte in data:
         value = byte & ((1 << sender.bits) - 1)
@@ -99,7 +99,7 @@ def _levels(data: bytes, sender: LineFormat) -> list[int]:
 def _character(
     levels: list[int], edge: int, ratio: float, receiver: LineFormat
 ) -> tuple[int, float]:
-    """The character that begins at an edge, and where its stop bit was sampled."""
+    """Read the character that begins at an edge, and where its stop bit was sampled."""
     places = [edge + (1.5 + bit) * ratio for bit in range(receiver.bits)]
     byte = sum(_sample(levels, place) << bit for bit, place in enumerate(places))
     after = places[-1] + ratio

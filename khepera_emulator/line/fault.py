@@ -35,9 +35,11 @@ from enum import Enum, StrEnum
 from math import inf
 from typing import Any, Final, Protocol
 
-from khepera_protocol.registry import Registry, RegistryError
+from khepera_protocol.registry import Registry
 from khepera_protocol.text import printable
 
+from khepera_emulator.doors import find_part
+from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.clock import on_grid
 
 FAULTS: Final = Registry(
@@ -192,12 +194,13 @@ def find_kind(name: str) -> Any:
     """Return the class of a kind of faults.
 
     Raises:
-        RegistryError: there is none of that name.
+        EmulatorError: there is none of that name.
     """
-    kind = FAULTS.find(name)
+    kind = find_part(FAULTS, name)
     if not isinstance(getattr(kind, "victim", None), Victim):
-        raise RegistryError(
-            f"{printable(name, 200)!r} is no kind of fault: it has no attribute `victim`"
+        raise EmulatorError(
+            f"'{printable(name, 200)}' is not a kind of fault: its attribute `victim` is not a"
+            " Victim"
         )
     return kind
 

@@ -5,7 +5,6 @@ from math import inf
 from pathlib import Path
 from typing import Final
 
-from khepera_protocol.registry import RegistryError
 from khepera_protocol.text import printable
 
 from khepera_emulator.errors import EmulatorError
@@ -51,7 +50,7 @@ def parse_fault(text: str) -> Fault:
     name, rest = split_kind(text)
     try:
         kind: Kind = find_kind(name)
-    except RegistryError as error:
+    except EmulatorError as error:
         raise _wrong(text, str(error)) from None
     values = _values(text, rest)
     for key in values:
@@ -103,7 +102,7 @@ def parse_script(text: str) -> tuple[Fault, ...]:
 
 
 def script_specs(text: str) -> list[str]:
-    """The faults of a schedule, each as `parse_fault` reads it; errors as of `parse_script`."""
+    """Return the faults of a schedule, each as `parse_fault` reads it; see `parse_script`."""
     if len(text) > MAX_SCRIPT:
         raise EmulatorError(f"the fault script has more than {MAX_SCRIPT:,} characters")
     specs: list[str] = []

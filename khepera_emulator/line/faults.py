@@ -23,7 +23,7 @@ from khepera_emulator.line.fault import (
 )
 
 Timed = tuple[float, int]
-"""When a byte arrives, and the byte."""
+"""Time at which a byte arrives, and the byte."""
 
 
 class Faults:
@@ -59,11 +59,11 @@ class Faults:
         self._windows = [_window(active, active.at) for active in once if active.lasting]
 
     def __bool__(self) -> bool:
-        """Whether there is any fault."""
+        """Tell whether there is any fault."""
         return bool(self._faults)
 
     def next_moment(self) -> float | None:
-        """When the next fault that has a time of its own happens."""
+        """Return when the next fault that has a time of its own happens."""
         return self._moments[0].at if self._moments else None
 
     def take_moment(self) -> tuple[float, bytes, bool]:
@@ -76,7 +76,7 @@ class Faults:
     def on_bytes(
         self, direction: Direction, items: Sequence[Timed], each: float
     ) -> tuple[list[Timed], float]:
-        """What becomes of bytes that would arrive at their times.
+        """Return what becomes of bytes that would arrive at their times.
 
         Args:
             direction: which way they go.
@@ -96,7 +96,7 @@ class Faults:
         return passed, late
 
     def on_request(self, when: float) -> bool:
-        """A request is about to be carried out; returns whether the robot resets instead."""
+        """Tell whether the robot resets instead of carrying out a request."""
         reset = False
         for active in self._active:
             if active.victim is not Victim.REQUEST or active.fault.chance is None:
@@ -111,7 +111,7 @@ class Faults:
         return reset
 
     def on_reply(self, when: float, reply: bytes) -> bytes:
-        """What becomes of a reply as a whole."""
+        """Return what becomes of a reply as a whole."""
         for active in self._active:
             if active.victim is not Victim.REPLY or active.fault.chance is None:
                 continue
@@ -125,7 +125,7 @@ class Faults:
     def _bend(
         self, direction: Direction, when: float, byte: int, late: float, each: float
     ) -> tuple[int, int, float]:
-        """One byte past the faults of bytes: how often it comes, as what, and how late."""
+        """Bring a byte past the faults of bytes: how often it comes, as what, and how late."""
         passing = Passing(byte, 1, late, each)
         for active in self._bytes:
             share = active.strikes(direction, when + passing.late)
@@ -139,7 +139,7 @@ class Faults:
         self._windows = [*ahead, _window(active, when)]
 
     def _standstill(self, direction: Direction, when: float) -> float:
-        """Seconds that a byte has to wait until the line moves again."""
+        """Return seconds that a byte has to wait until the line moves again."""
         begin = when
         for window in self._windows:
             if window.effect is Effect.STALL and window.holds(direction, when):
@@ -200,7 +200,7 @@ class _Active:
         }
 
     def strikes(self, direction: Direction, when: float) -> float | None:
-        """Whether it happens now: a number from 0 to below 1 to choose a place with, or None."""
+        """Draw whether it happens now: a number, 0 to below 1, to choose a place with, or None."""
         draw = self._draws.get(direction)
         if draw is None:
             return None

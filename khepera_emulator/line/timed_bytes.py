@@ -40,7 +40,7 @@ class TimedBytes:
             self._runs.append((when, 0.0, 1))
 
     def arrived(self, now: float) -> int:
-        """How many bytes are there by now."""
+        """Count the bytes that are there by now."""
         total = 0
         for start, each, count in self._runs:
             if start + each * count > now:
@@ -51,7 +51,7 @@ class TimedBytes:
         return total
 
     def due(self, count: int) -> float:
-        """When the first `count` bytes are there; there are so many, and at least one."""
+        """Return when the first `count` bytes are there; there are so many, and at least one."""
         for start, each, length in self._runs:
             if count <= length:
                 return start + each * count
@@ -59,12 +59,12 @@ class TimedBytes:
         raise IndexError("not so many bytes are on their way")
 
     def line(self, count: int) -> int:
-        """How many of the first `count` bytes are up to the end of the first request, or all."""
+        """Count those of the first `count` bytes up to the end of the first request, or all."""
         end = REQUEST_END.search(self.data, 0, count)
         return end.end() if end else count
 
     def line_due(self) -> float | None:
-        """When the end of the first request is there; None if it is not on its way."""
+        """Return when the end of the first request is there; None if it is not on its way."""
         end = REQUEST_END.search(self.data)
         return self.due(end.end()) if end else None
 

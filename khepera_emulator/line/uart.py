@@ -113,7 +113,7 @@ class Uart:
         self._plain = not self._faulty and not self._garbled
 
     def receive(self, data: bytes, now: float) -> None:
-        """Bytes that the client puts on the line now; they arrive one after the other."""
+        """Put bytes of the client on the line now; they arrive one after the other."""
         start = max(self._receiver_free, now)
         if self._plain:
             self._receiver_free = self._receiving.add(data, start, self._each)
@@ -122,7 +122,7 @@ class Uart:
         self._receiving.add_each(items)
 
     def requests(self, until: float) -> Iterable[tuple[float, bytes]]:
-        """Requests that the robot carries out by a time, with the times of their execution.
+        """Return requests that the robot carries out by a time, with the times of their execution.
 
         A fault that resets the robot comes as the request to start again.
         """
@@ -175,7 +175,7 @@ class Uart:
             self._count_orphans(count - len(fitting))
 
     def _interpret(self, start: float, data: bytes) -> bytes | None:
-        """The interpreter takes bytes in; returns the request that the last one completes."""
+        """Let the interpreter take bytes in; return the request that the last one completes."""
         orphan = self._count_orphans(len(data))
         line = self._splitter.take(data)
         if line is None:
@@ -194,7 +194,7 @@ class Uart:
         return orphans >= count
 
     def send(self, data: bytes, executed: float) -> None:
-        """A reply to the latest request, executed at a time: queue it behind earlier ones."""
+        """Queue a reply to the latest request, executed at a time, behind earlier ones."""
         if self._unheard:
             return
         if self._faulty:
@@ -207,11 +207,11 @@ class Uart:
         return self._sending.take(count if limit is None else min(count, max(limit, 0)))
 
     def arrived(self, now: float) -> int:
-        """How many bytes have reached the client by now and were not taken yet."""
+        """Count the bytes that have reached the client by now and were not taken yet."""
         return self._sending.arrived(now)
 
     def waiting(self, count: int) -> bytes:
-        """The first `count` of the queued bytes, which stay where they are."""
+        """Return the first `count` of the queued bytes, which stay where they are."""
         return bytes(self._sending.data[:count])
 
     def take(self, count: int) -> None:
@@ -219,19 +219,19 @@ class Uart:
         self._sending.take(count)
 
     def queued(self) -> int:
-        """How many bytes of replies have reached the client or are on their way to it."""
+        """Count the bytes of replies that have reached the client or are on their way to it."""
         return len(self._sending.data)
 
     def find(self, text: bytes) -> int:
-        """Where a text begins among the queued bytes; -1 if it is not there."""
+        """Find where a text begins among the queued bytes; -1 if it is not there."""
         return self._sending.data.find(text)
 
     def due(self, count: int) -> float:
-        """When the first `count` queued bytes have reached the client."""
+        """Return when the first `count` queued bytes have reached the client."""
         return self._sending.due(count)
 
     def next_request(self) -> float | None:
-        """When the robot may next carry out a request or a fault happens; None: nothing is due."""
+        """Return when the robot may next carry out a request or a fault happens; None: never."""
         request = None
         if self._held:
             request = self._interpreter_free
@@ -243,15 +243,15 @@ class Uart:
         return min(request, moment)
 
     def received_by(self) -> float:
-        """When the last byte that the client has written arrives at the robot."""
+        """Return when the last byte that the client has written arrives at the robot."""
         return self._receiver_free
 
     def arriving(self) -> int:
-        """How many bytes of the client are still on their way to the robot."""
+        """Count the bytes of the client that are still on their way to the robot."""
         return len(self._receiving.data)
 
     def room(self, now: float, most: int) -> int:
-        """How many bytes may follow those that are arriving, if these shall be so many at most."""
+        """Count the bytes that may follow those that are arriving, up to a limit of these."""
         # garbled or lost bytes take their time on the line, too
         if self._receiver_free - now > most * self._each:
             return 0
@@ -259,11 +259,11 @@ class Uart:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is on its way in either direction; half a request may be held."""
+        """True if nothing is on its way in either direction; half a request may be held."""
         return not (self._receiving.data or self._held or self._sending.data)
 
     def hang_up(self) -> None:
-        """The client leaves: its requests are carried out, but nobody hears the replies."""
+        """Let the client leave: its requests are carried out, but nobody hears the replies."""
         self.clear_replies()
         self._orphans = len(self._held) + len(self._receiving.data)
 
@@ -296,7 +296,7 @@ class Uart:
         self._sending.add_each(items)
 
     def _pass(self, direction: Direction, data: bytes, start: float) -> tuple[list[Timed], float]:
-        """What arrives of bytes and when, and when the line is free again."""
+        """Return what arrives of bytes and when, and when the line is free again."""
         each = self._each
         if self._garbled:
             items, free = self._garble(direction, data, start)
@@ -309,7 +309,7 @@ class Uart:
         return items, free + late
 
     def _garble(self, direction: Direction, data: bytes, start: float) -> tuple[list[Timed], float]:
-        """Bytes as an end with other settings reads them."""
+        """Return bytes as an end with other settings reads them."""
         assert self._format is not None
         assert self.client is not None
         ends = (self.client, self._format)
@@ -320,7 +320,7 @@ class Uart:
         return items, start + on_grid(len(data) * sender.frame / sender.baud)
 
     def _happen(self) -> Iterator[tuple[float, bytes]]:
-        """The next fault that has a time of its own."""
+        """Return the next fault that has a time of its own."""
         when, said, starts_again = self.faults.take_moment()
         if said:
             self._say(said, when)
@@ -330,7 +330,7 @@ class Uart:
             yield when, _RESTART
 
     def _reset(self, when: float) -> None:
-        """The robot starts again: what it holds and what it has not said yet is lost."""
+        """Start the robot again: what it holds and what it has not said yet is lost."""
         self._count_orphans(len(self._held))
         self._held.clear()
         self._splitter.clear()

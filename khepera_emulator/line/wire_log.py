@@ -1,4 +1,4 @@
-"""What passed on a serial line, both ways and with times, as a file: see `docs/wire-log.md`.
+"""Wire logs: all that passed on a serial line, with times, as a file; see `docs/wire-log.md`.
 
 One JSON object a line. Bytes stand in a string of the characters U+0000 to U+00FF, so that a log
 can be read; times are seconds on the robot's clock.
@@ -7,7 +7,7 @@ can be read; times are seconds on the robot's clock.
 import json
 import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fcntl import LOCK_EX, LOCK_NB, flock
@@ -16,7 +16,6 @@ from pathlib import Path
 from stat import S_ISREG
 from types import MappingProxyType, TracebackType
 from typing import Any, BinaryIO, Final, Literal, Self
-from urllib.parse import quote, urlencode
 
 from khepera_protocol.text import printable
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -31,9 +30,6 @@ _log = logging.getLogger(__name__)
 
 FORMAT: Final = "khepera-wire-log"
 VERSION: Final = 1
-
-ROBOT: Final = "khepera://"
-"""How the URL of an in-process robot begins."""
 
 _LONGEST_LINE: Final = 100_000
 """Bytes of a line, its end included: a chunk of a client's has four thousand."""
@@ -80,7 +76,7 @@ class Recording:
 
 
 class WireLog:
-    """Writes a wire log; use as a context.
+    """Writer of a wire log; use as a context.
 
     Where no more can be written, on a full disk, the log ends and says so; the robot goes on.
 
@@ -122,19 +118,19 @@ class WireLog:
         self._close()
 
     def request(self, time: float, data: bytes) -> None:
-        """A client has written."""
+        """Write what a client has written."""
         self._write(t=time, what="request", data=data.decode("latin-1"))
 
     def reply(self, time: float, data: bytes) -> None:
-        """Bytes have reached the client."""
+        """Write bytes that have reached the client."""
         self._write(t=time, what="reply", data=data.decode("latin-1"))
 
     def close(self, time: float) -> None:
-        """The client has left."""
+        """Write that the client has left."""
         self._write(t=time, what="close")
 
     def line(self, time: float, line: LineFormat | None) -> None:
-        """The client's settings; written when they are new."""
+        """Write the client's settings when they are new."""
         if line is None or line == self._line:
             return
         self._line = line
@@ -142,7 +138,7 @@ class WireLog:
         self._write(t=time, what="line", **settings)
 
     def fault(self, happening: Happening) -> None:
-        """A fault has happened."""
+        """Write a fault that has happened."""
         self._write(
             t=happening.time,
             what="fault",
@@ -183,14 +179,8 @@ def _open_alone(path: str, flags: int) -> int:
     return handle
 
 
-def robot_url(arena: str, options: Iterable[tuple[str, str]]) -> str:
-    """URL of an in-process robot; options that are empty are left out."""
-    query = urlencode([(name, value) for name, value in options if value], quote_via=quote)
-    return f"{ROBOT}{quote(arena, errors='surrogateescape')}" + (f"?{query}" if query else "")
-
-
 class _Moment(BaseModel):
-    """What every entry has."""
+    """Keys that every entry has."""
 
     model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False)
 

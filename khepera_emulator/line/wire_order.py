@@ -1,4 +1,4 @@
-"""What passes on a serial line, put in the order of its times."""
+"""Order of time in what passes on a serial line."""
 
 from collections.abc import Callable
 from heapq import heappop, heappush
@@ -10,26 +10,26 @@ from khepera_emulator.line.fault import Happening
 
 
 class WireListener(Protocol):
-    """Is told what passes on a line; see `wire_log.WireLog`."""
+    """Listener to what passes on a line; see `wire_log.WireLog`."""
 
     def request(self, time: float, data: bytes) -> None:
-        """A client has written."""
+        """Take what a client has written."""
 
     def reply(self, time: float, data: bytes) -> None:
-        """Bytes have reached the client."""
+        """Take bytes that have reached the client."""
 
     def close(self, time: float) -> None:
-        """The client has left."""
+        """Take notice that the client has left."""
 
     def line(self, time: float, line: LineFormat | None) -> None:
-        """The client's settings."""
+        """Take the client's settings."""
 
     def fault(self, happening: Happening) -> None:
-        """A fault has happened."""
+        """Take a fault that has happened."""
 
 
 class InOrder:
-    """Tells listeners what it is told itself, in the order of the times, when they have come.
+    """Order of time for listeners: they are told all when its time has come.
 
     A reply is handed over a moment after it has arrived, when a later request may be known already;
     a fault is known ahead of the byte that it delays.

@@ -32,30 +32,30 @@ class WireTap:
         self._settings: LineFormat | None = None
 
     def request(self, time: float, data: bytes) -> None:
-        """A client has written."""
+        """Keep what a client has written."""
         self._add(time, "request", data)
 
     def reply(self, time: float, data: bytes) -> None:
-        """Bytes have reached the client."""
+        """Keep bytes that have reached the client."""
         self._add(time, "reply", data)
 
     def close(self, time: float) -> None:
-        """The client has left."""
+        """Keep that the client has left."""
         self._add(time, "close", "")
 
     def line(self, time: float, line: LineFormat | None) -> None:
-        """The client's settings; an entry when they are new."""
+        """Keep the client's settings when they are new."""
         if line is not None and line != self._settings:
             self._settings = line
             self._add(time, "line", f"{line.baud} {line.bits}{line.parity}{line.stop:g}")
 
     def fault(self, happening: Happening) -> None:
-        """A fault has happened."""
+        """Keep a fault that has happened."""
         text = f"{happening.direction} {happening.kind}: {happening.what}"
         self._add(happening.time, "fault", text)
 
     def since(self, number: int) -> Wire:
-        """Entries from a number on, as far as they are still there."""
+        """Return entries from a number on, as far as they are still there."""
         lost = self.count - len(self._entries)
         sizes = accumulate(len(text) for _, _, text in reversed(self._entries))
         told = sum(1 for _ in takewhile(lambda size: size <= MOST_TOLD, sizes))

@@ -1,4 +1,4 @@
-"""Who opens, reads, writes and closes a file: a small part of Linux's inotify."""
+"""Events of a file, opened, read, written and closed: a small part of Linux's inotify."""
 
 import ctypes
 import os
@@ -22,7 +22,7 @@ _EXCHANGE: Final = (READ, WRITTEN)
 
 
 class Watch:
-    """Tells what processes do with one file.
+    """Watch on what processes do with one file.
 
     Raises:
         EmulatorError: this system has no inotify.
@@ -43,7 +43,7 @@ class Watch:
         self._exchange = b"".join(_EVENT.pack(number, event, 0, 0) for event in _EXCHANGE)
 
     def fileno(self) -> int:
-        """Descriptor that becomes readable with an event."""
+        """Return a descriptor that becomes readable with an event."""
         return self._fd
 
     def close(self) -> None:
@@ -51,7 +51,7 @@ class Watch:
         os.close(self._fd)
 
     def take(self) -> tuple[int, ...]:
-        """What has happened since the last call, in order.
+        """Return what has happened since the last call, in order.
 
         Equal events in a row come as one.
         """

@@ -17,7 +17,7 @@ from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 from khepera_protocol.text import printable
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.paths import check_name
+from khepera_emulator.ports.paths import check_name
 
 _TERMINALS = Path("/dev/pts")
 
@@ -133,7 +133,7 @@ class Link:
 
 
 def _leads_to(path: Path, descriptor: int) -> bool:
-    """Whether a path is still the file that was opened."""
+    """Tell whether a path is still the file that was opened."""
     try:
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     except FileNotFoundError:

@@ -1,16 +1,31 @@
-"""Which port a robot gets: one of the kinds there are, a pseudo-terminal if none is named."""
+"""Ports by name, and opening one: a pseudo-terminal if none is named."""
 
 from collections.abc import Callable
+from typing import Final
 
+from khepera_protocol.registry import Registry
+from khepera_protocol.text import printable
+
+from khepera_emulator.doors import find_part
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.ports.port import Port
-from khepera_emulator.ports.pty import PtyPort
-from khepera_emulator.ports.rfc2217 import Rfc2217Port
-from khepera_emulator.ports.tcp import TcpPort, shifted
+from khepera_emulator.ports.port import Port, PortRequest
+
+TERMINAL: Final = "terminal"
+
+PORTS: Final = Registry(
+    "kind of port",
+    "khepera_macor.ports",
+    {
+        TERMINAL: "khepera_emulator.ports.pty:PtyPort",
+        "tcp": "khepera_emulator.ports.tcp:TcpPort",
+        "rfc2217": "khepera_emulator.ports.rfc2217:Rfc2217Port",
+    },
+)
 
 
 def open_port(
     *,
+    port: str | None = None,
     tcp: str | None = None,
     rfc2217: str | None = None,
     expose: bool = False,
@@ -20,6 +35,7 @@ def open_port(
     """Open the port that is asked for.
 
     Args:
+        port: KIND or KIND=ADDRESS.
         tcp: HOST:PORT of a bare TCP port.
         rfc2217: HOST:PORT of a telnet port after RFC 2217.
         expose: allow addresses that other machines can reach.
@@ -28,12 +44,16 @@ def open_port(
         moved: told the new path when a pseudo-terminal has to be given up for another one.
 
     Raises:
-        EmulatorError: both are given, or the system refuses.
+        EmulatorError: several are given, there is no such kind, or the system refuses.
     """
-    if tcp is not None and rfc2217 is not None:
-        raise EmulatorError("--tcp and --rfc2217: a robot has one line; give one of them")
-    if tcp is not None:
-        return TcpPort(shifted(tcp, place), expose=expose)
-    if rfc2217 is not None:
-        return Rfc2217Port(shifted(rfc2217, place), expose=expose)
-    return PtyPort(moved)
+    shorthands = {"tcp": tcp, "rfc2217": rfc2217}
+    asked = [f"{kind}={address}" for kind, address in shorthands.items() if address is not None]
+    asked += [port] if port is not None else []
+    if len(asked) > 1:
+        raise EmulatorError("--port, --tcp and --rfc2217: a robot has one line; give one of them")
+    name, _, address = (asked or [TERMINAL])[0].partition("=")
+    kind = find_part(PORTS, name)
+    if not hasattr(kind, "opened"):
+        raise EmulatorError(f"'{printable(name, 200)}' is not a port: it has no method `opened`")
+    opened: Port = kind.opened(PortRequest(address, place, expose, moved))
+    return opened

@@ -1,8 +1,27 @@
-"""What the daemon needs of a port: the client's end of the serial line, whatever carries it."""
+"""The interface of a port: the client's end of the serial line, whatever carries it."""
 
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, Self
 
 from khepera_emulator.line.coding import LineFormat
+
+
+@dataclass(frozen=True, slots=True)
+class PortRequest:
+    """Wish for a port.
+
+    Attributes:
+        address: as it was given, such as HOST:PORT; empty: none.
+        number: of the robot among those that share a world, from 0.
+        expose: whether addresses are allowed that other machines can reach.
+        moved: is told a new URL, if the port ever gets one.
+    """
+
+    address: str
+    number: int
+    expose: bool
+    moved: Callable[[str], None]
 
 
 class Port(Protocol):
@@ -14,12 +33,20 @@ class Port(Protocol):
 
     dropped: int
 
+    @classmethod
+    def opened(cls, request: PortRequest) -> Self:
+        """Open one.
+
+        Raises:
+            EmulatorError: the address is none, or the system refuses.
+        """
+
     @property
     def url(self) -> str:
-        """What a pySerial client opens."""
+        """URL or path that a pySerial client opens."""
 
     def descriptors(self, *, room: bool, answered: bool = True) -> tuple[int, ...]:
-        """Descriptors that become readable when clients come, write or leave.
+        """Return descriptors that become readable when clients come, write or leave.
 
         Args:
             room: whether bytes will be taken; without it a client that writes wakes nobody.
@@ -27,10 +54,10 @@ class Port(Protocol):
         """
 
     def settings(self) -> LineFormat | None:
-        """What the client has set; None if nothing tells."""
+        """Return what the client has set; None if nothing tells."""
 
     def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
-        """What clients have done since the last call, in order.
+        """Return what clients have done since the last call, in order.
 
         Args:
             limit: bytes to take at most; the rest stays with the client.
@@ -42,7 +69,7 @@ class Port(Protocol):
         """
 
     def changed(self) -> bool:
-        """Whether what is handed over now could reach another client than the one last seen.
+        """Tell whether what is handed over now could reach another client than the one last seen.
 
         The next `receive` tells who has come and left.
         """

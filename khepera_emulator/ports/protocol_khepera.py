@@ -20,6 +20,7 @@ process without real time:
 Not modelled: break conditions and modem lines are accepted and do nothing.
 """
 
+from collections.abc import Collection
 from math import inf
 from typing import Any
 
@@ -43,12 +44,17 @@ class Serial(SerialBase):
 
     Beside the line it offers what a bench offers: `now` (the robot's clock in seconds),
     `emulator` (camera, ground truth, reset).
+
+    Attributes:
+        allowed: parts named by a file or module that the URL may use: code that runs. A URL may
+            come from anywhere, so there are none unless they are set before it is opened.
     """
 
     BAUDRATES = (9600, 19200, 38400, 57600, 115200)
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self.emulator: Any = None
+        self.allowed: Collection[str] = ()
         self._follows = True
         self._wait: float | None = None
         super().__init__(*args, **kwargs)
@@ -71,7 +77,8 @@ class Serial(SerialBase):
 
             options = UrlOptions.from_url(url)
             self._follows = options.baud == AUTO
-            self.emulator = make_fleet(options.setup(), options.robots)[options.robot - 1]
+            setup = options.setup(self.allowed)
+            self.emulator = make_fleet(setup, options.robots)[options.robot - 1]
         except (EmulatorError, OptionError) as error:
             raise SerialException(f"{printable(url, 100)}: {printable(str(error), 1000)}") from None
         self.is_open = True
@@ -105,7 +112,7 @@ class Serial(SerialBase):
         return int(waiting)
 
     def read(self, size: int = 1) -> bytes:
-        """Up to `size` bytes; time passes to their arrival, or to the time-out.
+        """Read up to `size` bytes; time passes to their arrival, or to the time-out.
 
         Raises:
             SerialException: no time-out is set and nothing is on its way: a real port would wait
@@ -114,7 +121,7 @@ class Serial(SerialBase):
         return self.read_until(b"", size)
 
     def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
-        """Bytes up to and with `expected`, at most `size` of them; fewer after the time-out.
+        """Read bytes up to and with `expected`, at most `size` of them; fewer after the time-out.
 
         Without `expected` it is their number that counts.
 
@@ -145,7 +152,7 @@ class Serial(SerialBase):
         return taken
 
     def readline(self, size: int | None = -1, /) -> bytes:
-        """A line with its line feed; fewer bytes after the time-out."""
+        """Read a line with its line feed; fewer bytes after the time-out."""
         return self.read_until(size=None if size is None or size < 0 else size)
 
     def write(self, b: Any, /) -> int:
@@ -227,7 +234,7 @@ class Serial(SerialBase):
 
 
 def _complete(uart: Any, expected: bytes, size: int | None) -> int:
-    """How many of the bytes that are queued make up what is waited for; 0 if they do not yet."""
+    """Count the queued bytes that make up what is waited for; 0 if they do not yet."""
     if expected:
         end: int = uart.find(expected) + len(expected)
         if end >= len(expected) and (size is None or end <= size):

@@ -15,7 +15,9 @@ import logging
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
+
+from khepera_protocol.text import quoted
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.coding import LineFormat
@@ -27,13 +29,14 @@ from khepera_emulator.ports.inotify import (
     READ,
     WRITTEN,
 )
+from khepera_emulator.ports.port import PortRequest
 from khepera_emulator.ports.terminal import Terminal, TerminalLostError
 
 _log = logging.getLogger(__name__)
 
 _CLOSED: Final = (CLOSED_READABLE, CLOSED_WRITABLE)
 _LOOKS: Final = 4
-"""How often to look again for a client that goes on writing."""
+"""Looks again for a client that goes on writing, at most."""
 
 _TELLING: Final = 20
 """Milliseconds to wait for what must follow at once: for the event of a writing when its bytes
@@ -55,7 +58,7 @@ class _Change:
     reads: bool = False
 
     def divide(self, data: bytes) -> int:
-        """Where the newcomer's bytes begin; nothing in them tells."""
+        """Find where the newcomer's bytes begin; nothing in them tells."""
         if not self.left_bytes:
             return 0
         if not self.new_bytes:
@@ -84,29 +87,40 @@ class PtyPort:
         self._clients = 0
         self._kept_back = self._known = False
 
+    @classmethod
+    def opened(cls, request: PortRequest) -> Self:
+        """Open a terminal; it has no address.
+
+        Raises:
+            EmulatorError: the system gives none.
+        """
+        if request.address:
+            raise EmulatorError(f"a terminal has no address, not {quoted(request.address)}")
+        return cls(request.moved)
+
     def close(self) -> None:
         """Hang up: clients get an error from now on."""
         self._terminal.close()
 
     @property
     def url(self) -> str:
-        """What a pySerial client opens: the terminal's path."""
+        """Path of the terminal, which a pySerial client opens."""
         return self._terminal.path
 
     def descriptors(self, *, room: bool, answered: bool = True) -> tuple[int, ...]:
-        """Descriptors that become readable when clients come, write or leave."""
+        """Return descriptors that become readable when clients come, write or leave."""
         del answered  # who has a terminal open can listen
         return self._terminal.descriptors(room=room)
 
     def settings(self) -> LineFormat | None:
-        """What the client has set; None for a rate of zero.
+        """Return what the client has set; None for a rate of zero.
 
         A pseudo-terminal has eight data bits and no parity, whatever its clients ask for.
         """
         return self._terminal.settings()
 
     def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
-        """What clients have done since the last call, in order.
+        """Return what clients have done since the last call, in order.
 
         Args:
             limit: bytes to take at most; the rest stays with the client.
@@ -127,7 +141,7 @@ class PtyPort:
         return chunks
 
     def _receive(self, limit: int) -> list[bytes]:
-        """What clients have done since the last call, as `receive`."""
+        """Return what clients have done since the last call, as `receive`."""
         kept_back = self._kept_back
         try:
             data, events = self._look(limit)
@@ -159,7 +173,7 @@ class PtyPort:
         return [data] if data else []
 
     def changed(self) -> bool:
-        """Whether clients have come or left since the last look."""
+        """Tell whether clients have come or left since the last look."""
         return self._terminal.changed()
 
     def write(self, data: bytes) -> None:
@@ -168,7 +182,7 @@ class PtyPort:
             self.dropped += len(data) - self._terminal.write(data)
 
     def _look(self, limit: int) -> tuple[bytes, tuple[int, ...]]:
-        """What was written, and the events up to it; neither is ahead of the other.
+        """Return what was written, and the events up to it; neither is ahead of the other.
 
         Raises:
             EOFError: nothing, and nobody has the terminal open.
@@ -217,7 +231,7 @@ class PtyPort:
         return change
 
     def _settle(self) -> _Change | None:
-        """The last client has left by the count: wait until that is so, or is known to be wrong.
+        """Wait until the last client has left, as the count says, or that is known to be wrong.
 
         The hang-up comes a little after the event of the closing, and not at all if somebody has
         opened the terminal meanwhile. Where neither follows, two clients have come as one.
@@ -236,7 +250,7 @@ class PtyPort:
         return change
 
     def _end(self, data: bytes) -> list[bytes]:
-        """The last client has left; what it has left behind, unless another one comes just now."""
+        """Return what the last client has left behind, unless another one comes just now."""
         data += self._terminal.read_all()
         change = self._count(self._terminal.events())
         if change:  # it may have written, too

@@ -130,11 +130,11 @@ class Rfc2217Port(TcpPort):
         self._refusals = 0
 
     def settings(self) -> LineFormat | None:
-        """What the client has set, or the one before it."""
+        """Return what the client has set, or the one before it."""
         return self._device.format
 
     def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
-        """What the client has done since the last call; an empty chunk: it has left."""
+        """Return what the client has done since the last call; an empty chunk: it has left."""
         self._flush()
         return super().receive(limit, answered=answered)
 
@@ -173,7 +173,7 @@ class Rfc2217Port(TcpPort):
             place += 1
 
     def _text(self, text: bytes) -> bytes:
-        """Bytes outside commands; as long as the client has not agreed on binary, CR NUL is CR."""
+        """Return bytes outside commands; until the client has agreed on binary, CR NUL is CR."""
         if not text or (b"\r" not in text and not self._after_return) or self._is_binary():
             return text
         if self._after_return:
@@ -226,5 +226,5 @@ class Rfc2217Port(TcpPort):
 
 
 def _is_half(escaped: bytes) -> bool:
-    """Whether escaped data is cut between the two bytes of an escape."""
+    """Tell whether escaped data is cut between the two bytes of an escape."""
     return (len(escaped) - len(escaped.rstrip(rfc2217.IAC))) % 2 == 1

@@ -16,13 +16,14 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
 from ipaddress import ip_address
-from typing import Final
+from typing import Final, Self
 
 from khepera_protocol.text import printable
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.ports.bell import Bell
+from khepera_emulator.ports.port import PortRequest
 
 _log = logging.getLogger(__name__)
 
@@ -79,9 +80,14 @@ class TcpPort:
         self._ready = Bell()
         self._ready.ring()
 
+    @classmethod
+    def opened(cls, request: PortRequest) -> Self:
+        """Listen at the address, or as many ports further on as the robot's number."""
+        return cls(shifted(request.address, request.number), expose=request.expose)
+
     @property
     def url(self) -> str:
-        """What a pySerial client opens."""
+        """URL that a pySerial client opens."""
         return f"{self.scheme}://{_name(self._listener.getsockname())}"
 
     def close(self) -> None:
@@ -93,7 +99,7 @@ class TcpPort:
         self._ready.close()
 
     def descriptors(self, *, room: bool, answered: bool = True) -> tuple[int, ...]:
-        """Descriptors that become readable when clients come, write or leave."""
+        """Return descriptors that become readable when clients come, write or leave."""
         descriptors = [self._listener.fileno()]
         if self._client and not self._ended and len(self._ahead) < _AHEAD:
             descriptors.append(self._client.fileno())
@@ -106,7 +112,7 @@ class TcpPort:
         return None
 
     def receive(self, limit: int, *, answered: bool = True) -> list[bytes]:
-        """What the client has done since the last call; an empty chunk: it has left.
+        """Return what the client has done since the last call; an empty chunk: it has left.
 
         A client that waits at the door takes the place of one that has left.
         """
@@ -129,7 +135,7 @@ class TcpPort:
             self.dropped += len(data) - self._send(data)
 
     def _begin(self) -> None:
-        """A client has come."""
+        """Begin with a client that has come."""
 
     def _take_in(self, data: bytes) -> None:
         """Put bytes for the robot, of what a client has sent, behind those that wait."""
@@ -170,7 +176,7 @@ class TcpPort:
         self._begin()
 
     def _listen_to_client(self, limit: int, answered: bool) -> list[bytes]:
-        """What the client has done since the last call, as `receive`."""
+        """Return what the client has done since the last call, as `receive`."""
         if not self._client:
             return []
         self._read_ahead()
@@ -204,7 +210,7 @@ class TcpPort:
         return bool(data)
 
     def _is_broken(self) -> bool:
-        """Whether nobody is at the other end any more.
+        """Tell whether nobody is at the other end any more.
 
         Whoever closes without unread bytes breaks the connection only when something more is
         sent to it: until then it might be one that still listens.
@@ -215,11 +221,11 @@ class TcpPort:
         return any(event & _BROKEN for _, event in poll.poll(0))
 
     def _makes_room(self) -> bool:
-        """Whether the client may have left: it only listens, or its goodbye cannot be seen."""
+        """Tell whether the client may have left: it only listens, or its goodbye cannot be seen."""
         return self._ended or len(self._ahead) >= _AHEAD
 
     def _is_time_up(self) -> bool:
-        """Whether somebody has waited at the door for long enough."""
+        """Tell whether somebody has waited at the door for long enough."""
         if not self._door:
             return False
         now = time.monotonic()
@@ -228,7 +234,7 @@ class TcpPort:
         return now >= self._door[0].since + (_LONG_GRACE if comes else GRACE)
 
     def _is_done(self, answered: bool) -> bool:
-        """Whether the client will send nothing more, and has been told all that it asked."""
+        """Tell whether the client will send nothing more, and has been told all that it asked."""
         return self._ended and not self._ahead and answered
 
     def _forget_client(self) -> None:
@@ -250,7 +256,7 @@ class _Newcomer:
 
 
 def tcp_address(text: str) -> tuple[str, int]:
-    """Host and port of HOST:PORT; an IPv6 host stands in brackets.
+    """Return host and port of HOST:PORT; an IPv6 host stands in brackets.
 
     Raises:
         EmulatorError: it is neither.
@@ -267,7 +273,7 @@ def tcp_address(text: str) -> tuple[str, int]:
 
 
 def shifted(address: str, places: int) -> str:
-    """The address so many ports further on; port 0, any free one, stays.
+    """Return the address so many ports further on; port 0, any free one, stays.
 
     Raises:
         EmulatorError: it is no address, or there is no such port.

@@ -93,7 +93,7 @@ class Terminal:
         os.close(self._master)
 
     def descriptors(self, *, room: bool) -> tuple[int, ...]:
-        """Descriptors that become readable when clients come or leave, and when they write.
+        """Return descriptors that become readable when clients come or leave, and when they write.
 
         Once the terminal is let go its master side tells all; the watch, which every reading and
         writing wakes, can wait until somebody asks for events.
@@ -103,7 +103,7 @@ class Terminal:
         return self._descriptors if self.held else self._descriptors[1:]
 
     def settings(self) -> LineFormat | None:
-        """What a client has set; None for a rate of zero."""
+        """Return what a client has set; None for a rate of zero."""
         settings = termios.tcgetattr(self._master)
         rate = _RATES.get(settings[_OSPEED]) or self._odd_rate()
         stop = 2 if settings[_CFLAG] & termios.CSTOPB else 1
@@ -117,11 +117,11 @@ class Terminal:
                 fcntl.ioctl(self._master, _TCSETS2, settings)
 
     def _odd_rate(self) -> int | None:
-        """A rate without a name of its own, where this system tells."""
+        """Return a rate without a name of its own, where this system tells."""
         return int.from_bytes(self._termios2()[-4:], sys.byteorder) or None
 
     def _termios2(self) -> bytearray:
-        """The settings as the kernel keeps them; empty on a system that does not tell."""
+        """Return the settings as the kernel keeps them; empty on a system that does not tell."""
         settings = bytearray(_TERMIOS2_SIZE)
         try:
             fcntl.ioctl(self._master, _TCGETS2, settings)
@@ -130,7 +130,7 @@ class Terminal:
         return settings
 
     def read(self, limit: int) -> bytes:
-        """What was written, up to a limit.
+        """Return what was written, up to a limit.
 
         Raises:
             EOFError: nothing, and nobody has the terminal open.
@@ -145,7 +145,7 @@ class Terminal:
             raise
 
     def read_all(self) -> bytes:
-        """All that was written, but for a client that writes faster than it can be read."""
+        """Return all that was written, but for a client that writes faster than it can be read."""
         data = b""
         with suppress(EOFError):
             while len(data) < _ALL and (more := self.read(_ALL)):
@@ -153,7 +153,7 @@ class Terminal:
         return data
 
     def readable(self) -> bool:
-        """Whether there is something to read, or nobody left to write it."""
+        """Tell whether there is something to read, or nobody left to write it."""
         return bool(self._bytes.poll(0))
 
     def write(self, data: bytes) -> int:
@@ -174,7 +174,7 @@ class Terminal:
         return taken
 
     def events(self) -> tuple[int, ...]:
-        """What clients have done since the last call, as `Watch.take` tells it."""
+        """Return what clients have done since the last call, as `Watch.take` tells it."""
         events = self._watch.take()
         if self._early:
             events, self._early = self._early + events, ()
@@ -183,7 +183,7 @@ class Terminal:
         return events
 
     def put_back(self, events: tuple[int, ...]) -> None:
-        """Events that the next call of `events` shall give first."""
+        """Keep events that the next call of `events` shall give first."""
         self._early = events + self._early
 
     def wait_for_news(self, milliseconds: int) -> tuple[bool, bool]:
@@ -194,7 +194,7 @@ class Terminal:
         return self._master in happened, bool(self._early) or self._watch.fileno() in happened
 
     def changed(self) -> bool:
-        """Whether clients have come or left since the last call of `events`."""
+        """Tell whether clients have come or left since the last call of `events`."""
         happened = self._news.poll(0)
         if not happened and not self._early:
             return False

@@ -19,13 +19,13 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import Happening
 from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
+from khepera_emulator.robot.equipment import Equipment
 from khepera_emulator.robot.firmware import Firmware
 from khepera_emulator.robot.fleet import Fleet
 from khepera_emulator.robot.robot import Robot
 from khepera_emulator.robot.setup import Setup as Setup
 from khepera_emulator.senses.camera import OmniCamera
 from khepera_emulator.senses.renderers.view import Image
-from khepera_emulator.turrets import Equipment
 from khepera_emulator.world.free_space import Gap, anywhere, check_room, pose_of, random_pose
 from khepera_emulator.world.outline import outline
 
@@ -103,15 +103,15 @@ class Emulator:
         return self._robot
 
     def write(self, data: bytes) -> None:
-        """The client puts bytes on the line, now."""
+        """Put bytes of the client on the line, now."""
         self.uart.receive(data, self.now)
 
     def read(self, limit: int | None = None) -> bytes:
-        """The client takes the bytes that have reached it by now."""
+        """Take the bytes that have reached the client by now."""
         return self.uart.sent(self.now, limit)
 
     def hang_up(self) -> None:
-        """The client leaves the line; the robot does not notice and goes on."""
+        """Let the client leave the line; the robot does not notice and goes on."""
         self.uart.hang_up()
         if self._refusals > _MOST_REFUSALS:
             _log.info("robot %d has refused %d requests", self._number + 1, self._refusals)
@@ -119,7 +119,7 @@ class Emulator:
 
     @property
     def moving(self) -> bool:
-        """Whether the wheels of a robot of this world turn or are driven, or a thing moves."""
+        """True if the wheels of a robot of this world turn or are driven, or a thing moves."""
         return self._fleet.moving
 
     def advance(self, until: float) -> None:
@@ -155,20 +155,20 @@ class Emulator:
             _log.info("robot %d refuses more than that", self._number + 1)
 
     def truth(self) -> Truth:
-        """Ground truth, now."""
+        """Return ground truth, now."""
         return self._robot.truth().model_copy(update={"time": self.now})
 
     def outline(self) -> Outline:
-        """The arena from above, as it is now, to draw what happens in it."""
+        """Return the arena from above, as it is now, to draw what happens in it."""
         things = self._fleet.world.things
         return outline(self.setup.arena, self.setup.model, [thing.footprint for thing in things])
 
     def mirror_image(self) -> Image:
-        """What the camera sees now, in its mirror."""
+        """Take a picture of the camera's mirror."""
         return self._eye().mirror_image(self._robot.chassis.pose)
 
     def panorama(self) -> Image:
-        """What the camera sees now, unwrapped."""
+        """Take a picture, unwrapped to a panorama."""
         return self._eye().panorama(self._robot.chassis.pose)
 
     def reset(self, reset: Reset) -> Truth:
@@ -255,7 +255,7 @@ class Emulator:
 
 
 def make_fleet(setup: Setup, size: int) -> list[Emulator]:
-    """Robots that share one world; the first is as one alone with the same seed would be.
+    """Make robots that share one world; the first is as one alone with the same seed would be.
 
     Args:
         setup: what each is made from; each has a drift and chance of its own.

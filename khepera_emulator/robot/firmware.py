@@ -31,7 +31,7 @@ from khepera_emulator.robot.tools import (
 )
 
 _OPEN_BUS = 255
-"""What an address reads that nothing answers on."""
+"""Reading of an address that nothing answers on."""
 
 _LED_OFF, _LED_ON = 0, 1
 
@@ -78,7 +78,7 @@ class Firmware:
         }
 
     def banner(self) -> bytes:
-        """What the robot says after power-on."""
+        """Return what the robot says after power-on."""
         rom, choices = self._robot.model.rom, self._choices
         name, date = choices.rom_name or rom.name, choices.rom_date or rom.date
         revision = choices.rom_revision or rom.revision
@@ -125,7 +125,7 @@ class Firmware:
         return self._choices.bios or bios, self._choices.protocol or protocol
 
     def _pass_on(self, request: Request) -> Reply:
-        """A message to a turret; an error if there is none that understands it."""
+        """Pass a message on to a turret; an error if there is none that understands it."""
         (number,) = request.arguments
         turret = self._robot.turrets.find(number)
         if turret is None:
@@ -227,4 +227,4 @@ class Firmware:
     def _about(self) -> About:
         model = self._robot.model
         bios, protocol = self._versions()
-        return About(bios, protocol, model.bauds, model.has_flash, self._robot.equipment.turrets)
+        return About(bios, protocol, model.bauds, model.has_flash, self._robot.turrets.kinds)

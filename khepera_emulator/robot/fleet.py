@@ -10,9 +10,9 @@ from khepera_protocol.zenoh.payloads import Pose
 
 from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.line.uart import Uart
-from khepera_emulator.robot.crew import Crew
+from khepera_emulator.robot.periods import is_moving, run_periods
 from khepera_emulator.robot.robot import Robot
-from khepera_emulator.turrets import RadioMedium
+from khepera_emulator.turrets.radio import RadioMedium
 from khepera_emulator.world.enclosure import Enclosure
 from khepera_emulator.world.floor_plan import Surroundings
 from khepera_emulator.world.free_space import Gap
@@ -21,7 +21,7 @@ from khepera_emulator.world.world import World
 
 
 class Member(Protocol):
-    """What a fleet needs of each of its robots; see `emulator.Emulator`."""
+    """One robot of a fleet; see `emulator.Emulator`."""
 
     now: float
     uart: Uart
@@ -61,7 +61,7 @@ class Fleet:
         self._radius = radius
         self._shared = size > 1
         self.world = World(arena, shared=self._shared)
-        self._crew = Crew(self.world, ())
+        self._robots: list[Robot] = []
         self._power_time = 0.0
         self._ticks = 0
 
@@ -71,8 +71,8 @@ class Fleet:
 
     @property
     def moving(self) -> bool:
-        """Whether anything moves, or is driven."""
-        return self._crew.moving
+        """True if anything moves, or is driven."""
+        return is_moving(self.world, self._robots)
 
     def join(self, member: Member) -> None:
         """Add a robot, which is in the world already."""
@@ -91,7 +91,7 @@ class Fleet:
 
     def assemble(self) -> None:
         """Take the robots that the members have put into the world."""
-        self._crew = Crew(self.world, [member.robot for member in self.members])
+        self._robots = [member.robot for member in self.members]
 
     def advance(self, until: float) -> None:
         """Let time pass: drive, carry out the requests that arrive, answer them.
@@ -117,12 +117,12 @@ class Fleet:
         self.now = until
 
     def gap(self, own: Footprint | None = None) -> Gap:
-        """Distances from a robot's body to the nearest thing, as everything stands now."""
+        """Return distances from a robot's body to the nearest thing, as everything stands now."""
         scene = self.world.scene(own)
         return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
 
     def gap_at_start(self, own: Member) -> Gap:
-        """The same with all things, and all robots but one, where they start."""
+        """Return the same with all things, and all robots but one, where they start."""
         starts = [each.start_pose for each in self.members if each is not own]
         movers: list[Footprint] = [footprint(part) for part in self._arena.object]
         movers += [Disc(pose.x, pose.y, self._radius, 0.0) for pose in starts]
@@ -138,7 +138,7 @@ class Fleet:
         due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
         if due > self._ticks:
             self._ticks = due
-            self._crew.run(due)
+            run_periods(self.world, self._robots, due)
 
 
 def _numbered(number: int, member: Member, until: float) -> Iterator[tuple[float, int, bytes]]:

@@ -5,12 +5,12 @@ header of a wire log and the pages of the reference follow from this model.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Annotated, Final, Self
-from urllib.parse import parse_qsl, unquote
+from urllib.parse import parse_qsl, quote, unquote, urlencode
 
 from khepera_protocol.options import Cli, from_strings, to_strings
-from khepera_protocol.text import quoted
+from khepera_protocol.text import printable, quoted
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -22,13 +22,18 @@ from pydantic import (
 
 from khepera_emulator.arenas.arena import MOST_ROBOTS, load_arena
 from khepera_emulator.body.drift import DEFAULT_DRIFT, parse_drift
-from khepera_emulator.choices import option_names, parse_choices
+from khepera_emulator.doors import is_own_code
+from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line.fault import FAULTS, split_kind
 from khepera_emulator.line.fault_text import parse_faults
 from khepera_emulator.line.uart import FIRST_RATE
-from khepera_emulator.line.wire_log import robot_url
 from khepera_emulator.models import KHEPERA, MODELS, find_model
+from khepera_emulator.robot.choices import option_names, parse_choices
 from khepera_emulator.robot.setup import DEFAULT_SEED, Setup
-from khepera_emulator.turrets import TURRETS, check_turrets
+from khepera_emulator.turrets.catalogue import TURRET_CLASSES, find_turrets
+
+ROBOT: Final = "khepera://"
+"""Beginning of the URL of an in-process robot."""
 
 HIGHEST_SEED: Final = 10**18 - 1
 
@@ -52,8 +57,8 @@ class RobotOptions(BaseModel):
         default="corridor",
         description="Name of an arena (see `arenas`), or path of a TOML file.",
     )
-    model: Annotated[str, Cli(names=lambda: MODELS)] = Field(
-        default=KHEPERA.name, description="Robot: {names}."
+    model: Annotated[str, Cli(names=MODELS.names)] = Field(
+        default=KHEPERA.name, description="Robot: {names}; or file.py:MODEL."
     )
     seed: int = Field(default=DEFAULT_SEED, ge=0, le=HIGHEST_SEED, description="Of all randomness.")
     drift: Annotated[str, Cli(metavar="SPEC")] = Field(
@@ -66,13 +71,13 @@ class RobotOptions(BaseModel):
         description="Rate of the line: the one the client has set; none, the line takes no time;"
         " or a number of bits a second: clients at another rate read and send garbage.",
     )
-    fault: Annotated[tuple[str, ...], Cli(metavar="SPEC")] = Field(
+    fault: Annotated[tuple[str, ...], Cli(metavar="SPEC", names=FAULTS.names)] = Field(
         default=(),
         description="A fault to inject on the line, such as drop:p=0.001 or cut:at=10,for=2"
-        " (see docs/faults.md); repeatable.",
+        " (see docs/faults.md): {names}; or file.py:Class; repeatable.",
     )
-    turret: Annotated[tuple[str, ...], Cli(metavar="NAME", names=lambda: TURRETS)] = Field(
-        default=(), description="A turret to mount: {names}; repeatable."
+    turret: Annotated[tuple[str, ...], Cli(metavar="NAME", names=TURRET_CLASSES.names)] = Field(
+        default=(), description="A turret to mount: {names}; or file.py:Class; repeatable."
     )
     firmware: Annotated[tuple[str, ...], Cli(metavar="NAME[=VALUE]", names=option_names)] = Field(
         default=(),
@@ -101,12 +106,23 @@ class RobotOptions(BaseModel):
             return text
         raise ValueError(f"{quoted(text)} is no rate; give auto, unpaced, or a rate such as 38400")
 
-    def setup(self) -> Setup:
+    def setup(self, allowed: Collection[str] | None = None) -> Setup:
         """Read what the options name.
 
+        Args:
+            allowed: parts named by a file or module that may be used, where the options come from
+                elsewhere; None: all.
+
         Raises:
-            EmulatorError: one of them names nothing that there is.
+            EmulatorError: one of them names nothing that there is, or code that is not allowed.
         """
+        for name in self._own_code():
+            if allowed is not None and name not in allowed:
+                raise EmulatorError(
+                    f"it uses code of its own, {printable(name, 200)}, which runs when a robot is"
+                    " made; allow that with `replay --allow` and just this name, or name a part"
+                    " of an installed distribution"
+                )
         return Setup(
             arena=load_arena(self.arena),
             model=find_model(self.model),
@@ -114,10 +130,15 @@ class RobotOptions(BaseModel):
             seed=self.seed,
             baud=self._first_rate(),
             faults=parse_faults(self.fault),
-            turrets=check_turrets(self.turret),
+            turrets=find_turrets(self.turret),
             choices=parse_choices(self.firmware),
             dead_man=self.dead_man,
         )
+
+    def _own_code(self) -> list[str]:
+        """Return the parts that are named by a file or module."""
+        faults = [split_kind(text)[0] for text in self.fault]
+        return [name for name in (self.model, *self.turret, *faults) if is_own_code(name)]
 
     def _first_rate(self) -> int | None:
         if self.baud == UNPACED:
@@ -161,3 +182,9 @@ class UrlOptions(RobotOptions):
         pairs = [pair for pair in to_strings(self, defaults=True) if pair[0] not in hidden]
         # faults first, as in all logs
         return robot_url(self.arena, sorted(pairs, key=lambda pair: pair[0] != "fault"))
+
+
+def robot_url(arena: str, options: Iterable[tuple[str, str]]) -> str:
+    """Return the URL of an in-process robot; options that are empty are left out."""
+    query = urlencode([(name, value) for name, value in options if value], quote_via=quote)
+    return f"{ROBOT}{quote(arena, errors='surrogateescape')}" + (f"?{query}" if query else "")

@@ -10,9 +10,11 @@ from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.body.drift import slip_sequence
 from khepera_emulator.body.motors import Gains, Profile, Wheel
 from khepera_emulator.models import Model
+from khepera_emulator.robot.equipment import Equipment
 from khepera_emulator.senses.infrared import SCAN_PERIOD, Infrared
-from khepera_emulator.turrets import Equipment, Site, mount
 from khepera_emulator.turrets.grasp import WorldThings
+from khepera_emulator.turrets.rack import Fittings, mount
+from khepera_emulator.turrets.turret import Site
 from khepera_emulator.world.world import World
 
 _SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
@@ -23,12 +25,12 @@ _HELD = 1e-6
 """Counts a period by which a wheel that nothing holds may miss what its motor wants."""
 
 _SPOT_SLIP = 2.0
-"""How much more a robot slips that turns on the spot (a choice)."""
+"""Slip of a robot that turns on the spot, over that of one that drives (a choice)."""
 
 
 @dataclass(slots=True)
 class Panel:
-    """What a client can set and see beside the motors: made anew with every power-on.
+    """State that a client can set and see beside the motors: made anew with every power-on.
 
     Attributes:
         leds: whether they are on, the lateral one first.
@@ -83,12 +85,12 @@ class Robot:
         self._scans: dict[str, tuple[int, ...]] = {}
         self._start_scan()
         self._free = self._counts = (0.0, 0.0)
-        self.turrets = mount(self.equipment, self._site(world), turrets)
+        self.turrets = mount(self.equipment.turrets, self._fittings(world), turrets)
         self._carries = bool(self.turrets)
         self.power_on()
 
     def power_on(self) -> None:
-        """Everything that power-on, the reset button or `restart` sets; the body stays put.
+        """Set everything that power-on, the reset button or `restart` sets; the body stays put.
 
         Turrets have processors of their own, which `restart` does not reach (a choice).
         """
@@ -96,7 +98,7 @@ class Robot:
         self.panel = Panel()
 
     def heard(self) -> None:
-        """A request has come: whoever sends them is alive."""
+        """Notice a request: whoever sends them is alive."""
         self._heard = self.ticks
 
     def put_down(self, pose: Pose) -> None:
@@ -116,14 +118,14 @@ class Robot:
 
     @property
     def moving(self) -> bool:
-        """Whether a wheel turns or is driven."""
+        """True if a wheel turns or is driven."""
         left, right = self.wheels
         return not (left.at_rest() and right.at_rest())
 
     def run(self, ticks: int) -> None:
         """Let control periods pass up to the given number since the robot was made.
 
-        For a robot in a world where nothing else moves; see `crew` for others.
+        For a robot in a world where nothing else moves; see `periods` for others.
         """
         roll = self.chassis.roll
         left, right = self.wheels
@@ -144,11 +146,11 @@ class Robot:
             self.turrets.step(self.time)
 
     def aim(self) -> None:
-        """First part of a control period: what the motors want."""
+        """Begin a control period with what the motors want."""
         self.chassis.aim(*self._intend())
 
     def arrive(self, ways: tuple[float, float]) -> None:
-        """Last part of a control period: the wheels have turned so many metres."""
+        """End a control period in which the wheels have turned so many metres."""
         self.ticks += 1
         if self.chassis.contact:
             self.touched = True
@@ -168,20 +170,20 @@ class Robot:
         self.run(self.ticks + 1)
 
     def proximity(self) -> tuple[int, ...]:
-        """The latest proximity scan: eight counts."""
+        """Return the latest proximity scan: eight counts."""
         # computed when first asked for: most scans are never read
         if "proximity" not in self._scans:
             self._scans["proximity"] = self.infrared.proximity(*self._scan_pose)
         return self._scans["proximity"]
 
     def ambient(self) -> tuple[int, ...]:
-        """The latest ambient light scan: eight counts."""
+        """Return the latest ambient light scan: eight counts."""
         if "ambient" not in self._scans:
             self._scans["ambient"] = self.infrared.ambient(*self._scan_pose)
         return self._scans["ambient"]
 
     def truth(self) -> Truth:
-        """Ground truth, for scoring."""
+        """Return ground truth, for scoring."""
         return Truth(
             time=self.time,
             pose=self.chassis.pose,
@@ -196,6 +198,11 @@ class Robot:
         self._scan_pose = chassis.x, chassis.y, chassis.heading
         self._scans.clear()
 
+    def _fittings(self, world: World) -> Fittings:
+        equipment = self.equipment
+        first = 0 if equipment.choices.pixels_from_zero else 1
+        return Fittings(self._site(world), equipment.radio, equipment.number, first)
+
     def _site(self, world: World) -> Site:
         chassis, scene = self.chassis, self.chassis.scene
         return Site(
@@ -207,7 +214,7 @@ class Robot:
         )
 
     def _intend(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Ways in metres that the motors give the wheels in this period, and their slips."""
+        """Return ways in metres that the motors give the wheels in this period, and their slips."""
         left, right = self.wheels
         if self._dead_man is not None and self.ticks - self._heard >= self._dead_man:
             left.drive_speed(0)

@@ -1,16 +1,16 @@
 """An emulated robot before it is made: what its options name, read and checked."""
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 from khepera_protocol.mirror import Mirror
 
 from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.body.drift import DEFAULT_DRIFT, PRESETS, DriftSettings
-from khepera_emulator.choices import Choices
 from khepera_emulator.line.fault import Fault
 from khepera_emulator.line.uart import FIRST_RATE
 from khepera_emulator.models import KHEPERA, Model
+from khepera_emulator.robot.choices import Choices
 
 DEFAULT_SEED: Final = 0
 
@@ -27,7 +27,7 @@ class Setup:
         baud: rate of its line, or None for a line that takes no time.
         faults: what goes wrong on its line.
         mirror: geometry of its camera.
-        turrets: names of what is mounted on it, from `khepera_protocol.serial.turrets.TURRETS`.
+        turrets: classes of what is mounted on it; see `turrets.catalogue`.
         choices: of its firmware, where sources leave them open.
         dead_man: seconds without a request after which the robot stops by itself; None: never, as
             a real one.
@@ -40,6 +40,6 @@ class Setup:
     baud: int | None = FIRST_RATE
     faults: tuple[Fault, ...] = ()
     mirror: Mirror = field(default_factory=Mirror)
-    turrets: tuple[str, ...] = ()
+    turrets: tuple[Any, ...] = ()
     choices: Choices = Choices()  # noqa: RUF009 - an immutable value
     dead_man: float | None = None

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from khepera_protocol.serial.commands import FLASH_TOOLS, TOOLS
-from khepera_protocol.serial.turrets import TURRETS
+from khepera_protocol.serial.turrets import TurretKind
 
 LOADER_TITLE: Final = "S format Motorola loader mode"
 LOADER_DONE: Final = "S: download terminated"
@@ -32,24 +32,24 @@ _LAST_RECORDS: Final = b"789"
 
 @dataclass(frozen=True, slots=True)
 class About:
-    """What tools tell of a robot.
+    """Facts that tools tell of a robot.
 
     Attributes:
         bios, protocol: versions.
         bauds: rates of its line.
         has_flash: whether there is a flash memory.
-        turrets: names of what is mounted.
+        turrets: kinds of what is mounted.
     """
 
     bios: str
     protocol: str
     bauds: tuple[int, ...]
     has_flash: bool
-    turrets: tuple[str, ...]
+    turrets: tuple[TurretKind, ...]
 
 
 def tool_lines(word: str, arguments: tuple[str, ...], about: About) -> list[str] | None:
-    """What a tool answers; None for a word or an argument that the robot does not know.
+    """Return what a tool answers; None for a word or an argument that the robot does not know.
 
     `restart` is no tool of this kind, and the loader has a life of its own (`begins_loader`).
     """
@@ -67,12 +67,12 @@ def tool_lines(word: str, arguments: tuple[str, ...], about: About) -> list[str]
 
 
 def begins_loader(word: str, arguments: tuple[str, ...]) -> bool:
-    """Whether a tool that has answered goes on to take S-records."""
+    """Tell whether a tool that has answered goes on to take S-records."""
     return " ".join((word, *arguments)) in _LOADERS
 
 
 def set_rate(word: str, arguments: tuple[str, ...]) -> int | None:
-    """The rate that a tool that has answered sets, in bits a second."""
+    """Return the rate that a tool that has answered sets, in bits a second."""
     return int(arguments[0]) if word == "serial" and arguments else None
 
 
@@ -128,10 +128,9 @@ def _modules(about: About) -> dict[str, str]:
 def _net(about: About) -> list[str]:
     if not about.turrets:
         return ["No turret on the extension bus"]
-    kinds = [TURRETS[name] for name in about.turrets]
     return [
         kind.title if kind.number is None else f"Turret N. {kind.number:08d}  {kind.title}"
-        for kind in kinds
+        for kind in about.turrets
     ]
 
 

@@ -35,7 +35,7 @@ _SAME: Final = 1e-6
 
 
 class Poses(NamedTuple):
-    """Where a robot stands, in metres and radians; arrays of the same shape."""
+    """Places and headings of a robot, in metres and radians; arrays of the same shape."""
 
     x: Array
     y: Array

@@ -32,7 +32,7 @@ _LONGEST: Final = 2600
 
 _DEAD_END: Final = (180, 450)
 _CUT: Final = (40, 110)
-"""What a wall across the outer corner of a bend takes away of both sides."""
+"""Length that a wall across the outer corner of a bend takes away of both sides."""
 
 _ROOM: Final = (560, 800)
 _ROOM_POSTS: Final = (2, 4)
@@ -71,7 +71,7 @@ class Kind(StrEnum):
 
 
 class Difficulty(StrEnum):
-    """How narrow corridors are, and how much there is on the way."""
+    """Width of corridors, and number of things on the way."""
 
     EASY = "easy"
     MEDIUM = "medium"

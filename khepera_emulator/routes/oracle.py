@@ -20,7 +20,7 @@ from khepera_protocol.serial.units import PULSE, WHEEL_BASE
 from khepera_protocol.zenoh.payloads import Outline, Pose, WheelDrift
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.models import MODELS, Model
+from khepera_emulator.models import MODELS, Model, find_model
 from khepera_emulator.routes.feelers import Feelers, Indices, Poses, solids_of
 from khepera_emulator.world.rays import Array
 
@@ -98,7 +98,7 @@ class _Layer(NamedTuple):
 
 
 class Oracle:
-    """Tells what is possible in an arena for one robot.
+    """Search for what is possible in an arena for one robot.
 
     Args:
         outline: the arena, with all things where they are; they count as standing still.
@@ -175,12 +175,13 @@ class Oracle:
 
 
 def _model_of(radius: float) -> Model:
-    for model in MODELS.values():
+    models = [find_model(name) for name in MODELS.names()]
+    for model in models:
         if abs(model.radius - radius) < _EQUAL:
             return model
     raise EmulatorError(
         f"no known robot has a radius of {radius} m; there are"
-        f" {', '.join(f'{model.name} ({model.radius} m)' for model in MODELS.values())}"
+        f" {', '.join(f'{model.name} ({model.radius} m)' for model in models)}"
     )
 
 

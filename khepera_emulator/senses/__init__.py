@@ -1,1 +1,1 @@
-"""What a robot perceives: infrared, and the camera over the mirror."""
+"""Senses of a robot: infrared, and the camera over the mirror."""

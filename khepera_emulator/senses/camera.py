@@ -60,12 +60,12 @@ class OmniCamera:
         self._noise = _noise_pool(noise) if noise > 0.0 else None
 
     def mirror_image(self, pose: Pose) -> Image:
-        """What the camera sees in its mirror; black outside the mirror."""
+        """Take a picture of the mirror; black outside of it."""
         image = self._grain(self._remap(pose, self._mirror_map))
         return np.asarray(cv2.bitwise_and(image, self._inside), dtype=np.uint8)
 
     def panorama(self, pose: Pose) -> Image:
-        """The unwrapped view: straight ahead in the middle, left at the left, up at the top."""
+        """Take an unwrapped picture: ahead in the middle, left at the left, up at the top."""
         return self._grain(self._remap(pose, self._panorama_map))
 
     def _remap(self, pose: Pose, maps: tuple[NDArray[np.int16], NDArray[np.uint16]]) -> Image:
@@ -103,7 +103,7 @@ def _renderer(world: World, mirror: Mirror) -> Renderer:
 
 
 def _mirror_rays(mirror: Mirror) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Azimuth and elevation of every pixel of the mirror image, radians."""
+    """Return azimuth and elevation of every pixel of the mirror image, radians."""
     y, x = np.mgrid[0 : mirror.height, 0 : mirror.width].astype(float)
     x, y = x - mirror.centre_x, y - mirror.centre_y
     share = (np.hypot(x, y) - mirror.inner) / (mirror.outer - mirror.inner)
@@ -121,7 +121,7 @@ def _inside(mirror: Mirror) -> Image:
 
 @cache
 def _noise_pool(noise: float) -> NDArray[np.int8]:
-    """Noise to cut from, the same for all cameras: their own randomness says where to cut."""
+    """Draw noise to cut from, the same for all cameras: their own randomness says where to cut."""
     levels = np.random.default_rng(0).standard_normal(_NOISE_POOL) * noise
     return np.clip(np.rint(levels), -127, 127).astype(np.int8)
 

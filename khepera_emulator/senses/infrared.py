@@ -38,7 +38,7 @@ BLACK_LOSS = 0.5
 """Part of a ray's reach that a black surface takes away (KiKS)."""
 
 _NOISE_SPAN, _NOISE_DEPTH = 13.5, 6.5
-"""What is read without any light: evenly spread, and what is less than 0 reads 0. So half of the
+"""Readings without any light: evenly spread, and what is less than 0 reads 0. So half of the
 readings are 0 and the others 1 to 6 (Nolfi: 48 %, and 1 to 13, mostly small)."""
 
 _HALF = _NOISE_DEPTH / _NOISE_SPAN
@@ -53,7 +53,7 @@ _LAMP_COUNTS = (50.0, 75.0, 100.0, 250.0, 375.0, 400.0, 425.0, 450.0, 500.0)
 
 
 class Sensor(NamedTuple):
-    """Where a sensor sits and looks, seen from its robot.
+    """Place and direction of a sensor, seen from its robot.
 
     Attributes:
         foot: metres ahead and to the left of the robot's middle.
@@ -104,7 +104,7 @@ class Infrared:
         self._silent = not any(model.proximity.residual) and model.proximity.step == 1
 
     def proximity(self, x: float, y: float, heading: float) -> tuple[int, ...]:
-        """What a scan at a place (metres) and heading (radians) reads: eight counts."""
+        """Scan at a place (metres) and heading (radians): eight counts."""
         normal, uniform = next(self._noise)
         gaps = self.gaps(x, y, heading)
         if gaps is _FAR and self._silent:
@@ -126,7 +126,7 @@ class Infrared:
         return tuple(counts)
 
     def response(self, sensor: int, gap: float) -> float:
-        """The curve of a sensor at an effective gap in metres, without noise.
+        """Return the curve of a sensor at an effective gap in metres, without noise.
 
         Closer than the recorded saturation it goes on rising; beyond the record: the residual.
         """
@@ -139,7 +139,7 @@ class Infrared:
         return low + (place - index) * (curve[index + 1] - low)
 
     def ambient(self, x: float, y: float, heading: float) -> tuple[int, ...]:
-        """Ambient light at a place: about 490 counts in the dark, down to 50 before a lamp."""
+        """Scan ambient light at a place: about 490 counts in the dark, down to 50 before a lamp."""
         values = np.full(8, float(self._model.dark))
         for lamp in self._lamps:
             values += self._lamp_effect(lamp, x, y, heading)
@@ -147,7 +147,7 @@ class Infrared:
         return self._quantise(values)
 
     def gaps(self, x: float, y: float, heading: float) -> tuple[float, ...]:
-        """Effective gap of each sensor to what it sees, in metres; infinite beyond its reach."""
+        """Return the effective gap of each sensor in metres; infinite beyond its reach."""
         around = self._scene.near(x, y, self._sight)
         if not around:
             return _FAR
@@ -161,7 +161,7 @@ class Infrared:
     def _gap(
         self, sensor: Sensor, walls: list[_Wall], x: float, y: float, c: float, s: float
     ) -> float:
-        """Effective gap of one sensor; `c` and `s` are cosine and sine of the robot's heading."""
+        """Return the gap of one sensor; `c` and `s` are cosine and sine of the robot's heading."""
         (foot_ahead, foot_left), rays, _ = sensor
         reach = self._reach
         best = reach
@@ -244,7 +244,7 @@ def sensor_ring(model: Model) -> tuple[Sensor, ...]:
 
 
 def _tabulate(curve: ProximityCurve) -> Array:
-    """The recorded curves at multiples of `_TABLE_STEP` from 0, shape (8, M).
+    """Return the recorded curves at multiples of `_TABLE_STEP` from 0, shape (8, M).
 
     The saturated part is replaced: a curve goes on as steeply as it began. Noise then acts on
     the light that the sensor receives, and a robot close to a wall reads a steady full scale, as

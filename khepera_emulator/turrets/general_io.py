@@ -3,7 +3,7 @@
 from khepera_protocol.serial.turrets import ANALOGUE_CHANNELS, BUS_ADDRESS, TURRETS
 
 PULLED_UP = 255
-"""What unconnected digital inputs read (a choice)."""
+"""Reading of unconnected digital inputs (a choice)."""
 
 
 class GeneralIO:
@@ -23,21 +23,21 @@ class GeneralIO:
         self.volts = dict.fromkeys(ANALOGUE_CHANNELS, 0)
 
     def power_on(self) -> None:
-        """Outputs off; what is connected to the inputs stays."""
+        """Switch the outputs off; what is connected to the inputs stays."""
         self.outputs = 0
 
     def step(self, now: float) -> None:
-        """Nothing here takes time."""
+        """Let time pass: nothing here takes any."""
 
     def read_bus(self, address: int) -> int | None:
-        """The digital inputs, at the turret's address."""
+        """Return the digital inputs, at the turret's address."""
         return self.inputs if address == BUS_ADDRESS else None
 
     def write_bus(self, address: int, data: int) -> None:
-        """The digital outputs, at the turret's address."""
+        """Set the digital outputs, at the turret's address."""
         if address == BUS_ADDRESS:
             self.outputs = data
 
     def analogue(self, channel: int) -> int | None:
-        """Counts at an analogue input."""
+        """Return counts at an analogue input."""
         return self.volts.get(channel)

@@ -1,4 +1,4 @@
-"""What a gripper finds in a PyBullet world: solids that stand fast, and things to lift."""
+"""Things between a gripper's fingers in a PyBullet world: some stand fast, some can be lifted."""
 
 from math import hypot
 
@@ -29,7 +29,7 @@ class WorldThings:
         self._scene = scene
 
     def between(self, left: Point, right: Point, /) -> Piece | None:
-        """What two rays, one from each point towards the other, enclose."""
+        """Find what two rays, one from each point towards the other, enclose."""
         ends = np.array([left, right])
         span = hypot(*(ends[1] - ends[0]))
         along = (ends[1] - ends[0]) / span
@@ -65,7 +65,7 @@ class WorldThings:
         self._world.put(thing)
 
     def _hit(self, origins: Array, directions: Array, distance: float) -> int | None:
-        """Number of the thing that a ray reaches at a distance in metres."""
+        """Return the number of the thing that a ray reaches at a distance in metres."""
         for number, thing in enumerate(self._world.things):
             # the very number that the scene, which knows only what is on the floor, has given
             if thing.footprint.hit(origins, directions)[0] == distance:

@@ -14,7 +14,7 @@ from khepera_emulator.turrets.turret import Piece, Point, Site, Values, ticks
 
 ARM_DOWN: Final = 255.0
 ARM_UP: Final = 150.0
-"""Where the arm meets its stop at the back (about 150 to 170); orders below it stop there."""
+"""Position of the stop at the back (about 150 to 170); orders below it stop there."""
 
 ARM_RATE: Final = (ARM_DOWN - ARM_UP) / 1.0
 """Positions a second: one second over the whole range."""
@@ -57,7 +57,7 @@ class Gripper:
         self.power_on()
 
     def power_on(self) -> None:
-        """Arm up, fingers open and empty (choices)."""
+        """Begin with the arm up, the fingers open and empty (choices)."""
         self._release()
         self.arm = self._arm_target = ARM_UP
         self.fingers = self._finger_target = 255.0
@@ -116,7 +116,7 @@ class Gripper:
         self.fingers = _approach(self.fingers, target, FINGER_RATE)
 
     def _hold(self) -> None:
-        """A held thing goes up with the arm, or stays where it is and slips out."""
+        """Let a held thing go up with the arm, or stay where it is and slip out."""
         if self.held is None:
             return
         if self.lifted:
@@ -141,7 +141,7 @@ class Gripper:
         return thing is not None and thing.width / OPENING * 255.0 <= self.fingers
 
     def _thing(self) -> Piece | None:
-        """What stands between the fingers, if they are down."""
+        """Find what stands between the fingers, if they are down."""
         if self.arm < REACH:
             return None
         return self._site.things.between(self._jaw(OPENING / 2), self._jaw(-OPENING / 2))
@@ -151,6 +151,6 @@ class Gripper:
 
 
 def _approach(value: float, target: float, rate: float) -> float:
-    """One control period's way towards a target, `rate` positions a second."""
+    """Return one control period's way towards a target, `rate` positions a second."""
     way = rate * CONTROL_PERIOD
     return min(max(target, value - way), value + way)

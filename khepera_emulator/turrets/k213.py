@@ -49,7 +49,7 @@ class K213:
         self.power_on()
 
     def power_on(self) -> None:
-        """Reading period 200 ms, a first image at once."""
+        """Begin with a reading period of 200 ms and a first image at once."""
         self._set_period(0)
         self._expose()
 

@@ -33,7 +33,7 @@ class RadioMedium:
         self._stations: dict[int, Radio] = {}
 
     def join(self, number: int, station: "Radio") -> None:
-        """A station, or the one that takes its place after a reset, listens to a number.
+        """Let a station, or the one that takes its place after a reset, listen to a number.
 
         Raises:
             EmulatorError: no number of a robot.
@@ -43,7 +43,7 @@ class RadioMedium:
         self._stations[number] = station
 
     def leave(self, number: int) -> None:
-        """Nobody listens to a number any more."""
+        """Let nobody listen to a number any more."""
         self._stations.pop(number, None)
 
     def deliver(self, message: "RadioMessage") -> bool:
@@ -78,7 +78,7 @@ class Radio:
         self.power_on()
 
     def power_on(self) -> None:
-        """Nothing received, nothing sent."""
+        """Begin with nothing received and nothing sent."""
         self._received: RadioMessage | None = None
         self._sending: RadioMessage | None = None
         self._sent_by = 0.0
@@ -91,7 +91,7 @@ class Radio:
             self._sending = None
 
     def take(self, message: RadioMessage) -> bool:
-        """A message arrives; refused while one is unread, and while this radio itself sends."""
+        """Receive a message; refused while one is unread, and while this radio itself sends."""
         if self._received is not None or self._sending is not None:
             return False
         self._received = message

@@ -1,4 +1,4 @@
-"""What a robot and its turrets know of each other.
+"""The interface between a robot and its turrets.
 
 A turret is told the robot's time and answers messages; it does no I/O. `step` brings it up to
 a time, and is called at every control period in which the robot moves, and before every
@@ -23,10 +23,10 @@ Values = tuple[int, ...]
 
 
 class Rays(Protocol):
-    """What can be looked at: see `geometry.FloorPlan.cast`."""
+    """Scenery that rays are cast into: see `floor_plan.FloorPlan.cast`."""
 
     def cast(self, origins: Array, directions: Array, /) -> tuple[Array, Array]:
-        """Distances in metres and grey values from 0 to 1 of what each ray hits first."""
+        """Return distances in metres and grey values from 0 to 1 of what each ray hits first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +45,10 @@ class Piece:
 
 
 class Things(Protocol):
-    """What can be grasped in the world around a robot."""
+    """Things to grasp in the world around a robot."""
 
     def between(self, left: Point, right: Point, /) -> Piece | None:
-        """What stands between two points on the floor plan, in metres."""
+        """Find what stands between two points on the floor plan, in metres."""
 
     def lift(self, piece: Piece, /) -> bool:
         """Take a thing off the floor; False if it stands fast."""
@@ -62,7 +62,7 @@ class Things(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """Where a turret is mounted.
+    """Place on a robot that a turret is mounted on.
 
     Attributes:
         radius: of the robot's body, in metres.
@@ -79,7 +79,7 @@ class Site:
     things: Things
 
     def ahead(self, forward: float, left: float = 0.0) -> Point:
-        """A point seen from the robot's middle, in metres of the world."""
+        """Return a point seen from the robot's middle, in metres of the world."""
         x, y, heading = self.place()
         c, s = cos(heading), sin(heading)
         return x + c * forward - s * left, y + s * forward + c * left
@@ -126,15 +126,15 @@ class BusTurret(Turret, Protocol):
     """A turret on the byte bus and the A/D inputs."""
 
     def read_bus(self, address: int) -> int | None:
-        """The byte at an address; None where the turret does not answer."""
+        """Return the byte at an address; None where the turret does not answer."""
 
     def write_bus(self, address: int, data: int) -> None:
-        """A byte for an address, perhaps another's."""
+        """Take a byte for an address, perhaps another's."""
 
     def analogue(self, channel: int) -> int | None:
-        """Counts, 0 to 1023, at an A/D channel; None where the turret drives nothing."""
+        """Return counts, 0 to 1023, at an A/D channel; None where the turret drives nothing."""
 
 
 def ticks(now: float) -> int:
-    """The control period that a time of the robot belongs to."""
+    """Return the control period that a time of the robot belongs to."""
     return round(now / CONTROL_PERIOD)

@@ -83,6 +83,6 @@ class Enclosure:
         return np.asarray(floor == _REACHED)
 
     def _drawn(self, points: list[tuple[float, float]]) -> NDArray[np.int32]:
-        """Points in metres as OpenCV takes them: squares from middle to middle, with a fraction."""
+        """Convert points in metres to squares, from middle to middle, as OpenCV takes them."""
         squares = (np.array(points) - self._corner) / self._side - 0.5
         return np.rint(squares * 2**_BITS).astype(np.int32)

@@ -27,13 +27,13 @@ NEAR = 0.15
 
 
 class Scene(Protocol):
-    """What sensors look at and bodies keep away from."""
+    """Surroundings that sensors look at and bodies keep away from."""
 
     def clearance(self, x: float, y: float) -> float:
-        """Distance in metres from a point to the nearest solid; 0 or less inside one."""
+        """Return the distance in metres from a point to the nearest solid; 0 or less inside one."""
 
     def near(self, x: float, y: float, reach: float) -> list[Solid]:
-        """The solids no further than a reach, up to `NEAR` metres, from a point."""
+        """Return the solids no further than a reach, up to `NEAR` metres, from a point."""
 
     def cast(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         """Follow rays to the first solid; see `FloorPlan.cast`."""
@@ -77,11 +77,11 @@ class FloorPlan:
         return (min(xs), min(ys)), (max(xs), max(ys))
 
     def clearance(self, x: float, y: float) -> float:
-        """Distance in metres from a point to the nearest solid; 0 or less inside one."""
+        """Return the distance in metres from a point to the nearest solid; 0 or less inside one."""
         return min([solid.gap(x, y) for solid in self._around(x, y)], default=float("inf"))
 
     def near(self, x: float, y: float, reach: float) -> list[Solid]:
-        """The solids no further than a reach, up to `NEAR` metres, from a point."""
+        """Return the solids no further than a reach, up to `NEAR` metres, from a point."""
         return [solid for solid in self._around(x, y) if solid.gap(x, y) <= reach]
 
     def cast(self, origins: Array, directions: Array) -> tuple[Array, Array]:
@@ -108,7 +108,7 @@ class FloorPlan:
         return nearest, np.where(nearest < np.inf, self._grey[hit], 1.0)
 
     def _around(self, x: float, y: float) -> tuple[Solid, ...]:
-        """The solids that can be the nearest, or near, to any point of the square of a point."""
+        """Find the solids that can be the nearest, or near, to any point of a point's square."""
         square = floor(x / _SQUARE), floor(y / _SQUARE)
         found = self._squares.get(square)
         if found is None:
@@ -143,16 +143,16 @@ class Surroundings:
         self._own = own
 
     def others(self) -> list[Footprint]:
-        """All that moves, but for the one that looks."""
+        """Return all that moves, but for the one that looks."""
         return [mover for mover in self._movers if mover is not self._own]
 
     def clearance(self, x: float, y: float) -> float:
-        """Distance in metres from a point to the nearest solid; 0 or less inside one."""
+        """Return the distance in metres from a point to the nearest solid; 0 or less inside one."""
         gaps = [mover.gap(x, y) for mover in self.others()]
         return min(self._plan.clearance(x, y), *gaps) if gaps else self._plan.clearance(x, y)
 
     def near(self, x: float, y: float, reach: float) -> list[Solid]:
-        """The solids no further than a reach, up to `NEAR` metres, from a point."""
+        """Return the solids no further than a reach, up to `NEAR` metres, from a point."""
         own = self._own
         movers = [each for each in self._movers if each is not own and each.gap(x, y) <= reach]
         return [*self._plan.near(x, y, reach), *movers]

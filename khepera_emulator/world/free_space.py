@@ -1,4 +1,4 @@
-"""Where a robot may be put down: a pose with room for it, or any along the free strip."""
+"""Places to put a robot down: a pose with room for it, or any along the free strip."""
 
 from collections.abc import Callable
 from math import atan2, cos, hypot, pi, radians, sin
@@ -25,7 +25,7 @@ def anywhere(_x: float, _y: float) -> bool:
 
 
 def pose_of(start: Start) -> Pose:
-    """A start as a pose, in radians."""
+    """Return a start as a pose, in radians."""
     return Pose(x=start.x, y=start.y, heading=radians(start.heading))
 
 
@@ -60,7 +60,7 @@ def check_room(pose: Pose, gap: Gap, inside: Inside = anywhere) -> None:
 def random_pose(
     free: Corridor, gap: Gap, rng: np.random.Generator, inside: Inside = anywhere
 ) -> Pose:
-    """A pose drawn evenly along the free strip, `free.gap` or more from everything.
+    """Draw a pose evenly along the free strip, `free.gap` or more from everything.
 
     Raises:
         EmulatorError: none was found.

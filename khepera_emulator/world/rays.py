@@ -12,7 +12,7 @@ NEVER = 1e200
 def to_boxes(
     origins: Array, directions: Array, axes: Array, offsets: Array, halves: Array
 ) -> Array:
-    """Distance of each ray to each box, (N, boxes): where it is between all four faces.
+    """Return the distance of each ray to each box, (N, boxes): where it is between all four faces.
 
     The columns of `axes` are unit vectors, every box's along its length and then every box's
     across; `offsets` are the centres and `halves` the half sizes along them.
@@ -29,7 +29,7 @@ def to_boxes(
 
 
 def to_discs(origins: Array, directions: Array, discs: Array) -> Array:
-    """Distance of each ray to each disc, (N, discs); rows of `discs`: x, y and radius."""
+    """Return distances of rays to discs, (N, discs); rows of `discs`: x, y and radius."""
     px, py, radius = discs
     dx, dy = px - origins[:, 0, None], py - origins[:, 1, None]
     along = dx * directions[:, 0, None] + dy * directions[:, 1, None]

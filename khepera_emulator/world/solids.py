@@ -1,4 +1,4 @@
-"""What stands on the floor, one by one and seen from above: boxes and discs.
+"""Solids on the floor, one by one and seen from above: boxes and discs.
 
 Plain numbers instead of arrays: a body or a sensor has one or two of these within its reach, and
 for so few NumPy's calls cost more than the arithmetic.
@@ -22,16 +22,16 @@ class Solid(Protocol):
 
     @property
     def grey(self) -> float:
-        """How bright infrared finds it, 0 to 1."""
+        """Brightness to infrared, 0 to 1."""
 
     def gap(self, x: float, y: float) -> float:
-        """Distance in metres from a point to its surface; 0 or less inside."""
+        """Return the distance in metres from a point to its surface; 0 or less inside."""
 
     def toward(self, x: float, y: float) -> tuple[float, float, float]:
-        """The same, and the unit vector from a point straight at it (inside: deeper into it)."""
+        """Return the same, and the unit vector from a point at it; inside: deeper into it."""
 
     def ray(self, x: float, y: float, dx: float, dy: float) -> float:
-        """Metres that a ray from a point goes to reach it, infinite if it misses.
+        """Return metres that a ray from a point goes to reach it, infinite if it misses.
 
         The ray's direction is a unit vector; from inside it reaches it at once.
         """
@@ -47,7 +47,7 @@ class Footprint(Solid, Protocol):
     reach: float
 
     def hit(self, origins: Array, directions: Array) -> Array:
-        """Distance in metres that each of N rays goes to reach it, infinite if it misses."""
+        """Return metres that each of N rays goes to reach it, infinite if it misses."""
 
 
 class _Rectangle:
@@ -63,7 +63,7 @@ class _Rectangle:
     half_thickness: float
 
     def gap(self, x: float, y: float) -> float:
-        """Distance in metres from a point to its surface; 0 or less inside."""
+        """Return the distance in metres from a point to its surface; 0 or less inside."""
         dx, dy, ux, uy = x - self.x, y - self.y, self.ux, self.uy
         along = abs(dx * ux + dy * uy) - self.half_length
         across = abs(dy * ux - dx * uy) - self.half_thickness
@@ -72,7 +72,7 @@ class _Rectangle:
         return hypot(along, across)
 
     def toward(self, x: float, y: float) -> tuple[float, float, float]:
-        """The same, and the unit vector from a point straight at it (inside: deeper into it)."""
+        """Return the same, and the unit vector from a point at it; inside: deeper into it."""
         dx, dy, ux, uy = self.x - x, self.y - y, self.ux, self.uy
         ahead, aside = dx * ux + dy * uy, dy * ux - dx * uy
         along, across = abs(ahead) - self.half_length, abs(aside) - self.half_thickness
@@ -91,7 +91,7 @@ class _Rectangle:
         return gap, along * ux - across * uy, along * uy + across * ux
 
     def ray(self, x: float, y: float, dx: float, dy: float) -> float:
-        """Metres that a ray from a point goes to reach it, infinite if it misses."""
+        """Return metres that a ray from a point goes to reach it, infinite if it misses."""
         rx, ry, ux, uy = self.x - x, self.y - y, self.ux, self.uy
         # the ways at which it crosses the lines of the ends, and those of the long faces
         inverse = 1.0 / (dx * ux + dy * uy + _GLANCE)
@@ -108,7 +108,7 @@ class _Rectangle:
         return enter if leave >= enter else inf
 
     def corners(self) -> list[Point]:
-        """Its four corners, in metres, one after the other around it."""
+        """Return the four corners, in metres, one after the other around it."""
         ux, uy, length, width = self.ux, self.uy, self.half_length, self.half_thickness
         return [
             (self.x + a * length * ux - b * width * uy, self.y + a * length * uy + b * width * ux)
@@ -135,7 +135,7 @@ class Box(_Rectangle):
 
 
 def wall_boxes(wall: Wall) -> list[Box]:
-    """The boxes of a wall, one a stretch, lengthened to close the corners."""
+    """Return the boxes of a wall, one a stretch, lengthened to close the corners."""
     boxes = []
     half = wall.thickness / 2
     for (x0, y0), (x1, y1) in zip(wall.points, wall.points[1:], strict=False):
@@ -165,11 +165,11 @@ class Disc:
         self.reach = 0.0
 
     def gap(self, x: float, y: float) -> float:
-        """Distance in metres from a point to its surface; 0 or less inside."""
+        """Return the distance in metres from a point to its surface; 0 or less inside."""
         return hypot(x - self.x, y - self.y) - self.radius
 
     def toward(self, x: float, y: float) -> tuple[float, float, float]:
-        """The same, and the unit vector from a point straight at it (inside: deeper into it)."""
+        """Return the same, and the unit vector from a point at it; inside: deeper into it."""
         dx, dy = self.x - x, self.y - y
         distance = hypot(dx, dy)
         if distance == 0.0:
@@ -177,7 +177,7 @@ class Disc:
         return distance - self.radius, dx / distance, dy / distance
 
     def ray(self, x: float, y: float, dx: float, dy: float) -> float:
-        """Metres that a ray from a point goes to reach it, infinite if it misses."""
+        """Return metres that a ray from a point goes to reach it, infinite if it misses."""
         rx, ry = self.x - x, self.y - y
         beside = rx * dy - ry * dx
         inside = self.radius**2 - beside**2
@@ -189,13 +189,13 @@ class Disc:
         return along - half if along > half else 0.0
 
     def hit(self, origins: Array, directions: Array) -> Array:
-        """Distance in metres that each of N rays goes to reach it, infinite if it misses."""
+        """Return metres that each of N rays goes to reach it, infinite if it misses."""
         disc = np.array([[self.x], [self.y], [self.radius]])
         distances: Array = to_discs(origins, directions, disc)[:, 0]
         return distances
 
     def corners(self) -> list[Point]:
-        """Corners of a polygon that is drawn for it, in metres."""
+        """Return corners of a polygon that is drawn for it, in metres."""
         angles = [2 * pi * k / _DISC_CORNERS for k in range(_DISC_CORNERS)]
         return [
             (self.x + self.radius * cos(angle), self.y + self.radius * sin(angle))
@@ -221,7 +221,7 @@ class Brick(_Rectangle):
         self.ux, self.uy = cos(heading), sin(heading)
 
     def hit(self, origins: Array, directions: Array) -> Array:
-        """Distance in metres that each of N rays goes to reach it, infinite if it misses."""
+        """Return metres that each of N rays goes to reach it, infinite if it misses."""
         axes = np.array([[self.ux, -self.uy], [self.uy, self.ux]])
         halves = np.array([self.half_length, self.half_thickness])
         offsets = np.array([self.x, self.y]) @ axes
@@ -230,7 +230,7 @@ class Brick(_Rectangle):
 
 
 def footprint(part: Movable) -> Disc | Brick:
-    """What a thing covers of the floor where the arena puts it."""
+    """Return what a thing covers of the floor where the arena puts it."""
     x, y = part.centre
     grey = sum(part.colour) / 3
     if part.size is not None:

@@ -144,7 +144,7 @@ class Thing:
         return body
 
     def _shape(self) -> tuple[int, dict[str, Any], dict[str, Any]]:
-        """PyBullet's kind of shape, and its measures as something to touch and to look at."""
+        """Return PyBullet's kind of shape, and its measures, to touch and to look at."""
         part = self.part
         if part.size is not None:
             box = {"halfExtents": [part.size[0] / 2, part.size[1] / 2, part.height / 2]}

@@ -191,17 +191,17 @@ class World:
 
     @property
     def restless(self) -> bool:
-        """Whether something moves that no robot drives."""
+        """True if something moves that no robot drives."""
         return any(thing.moving for thing in self.things)
 
     def scene(self, own: Footprint | None = None) -> Scene:
-        """What there is to see and to touch, but for one's own body."""
+        """Return what there is to see and to touch, but for one's own body."""
         if not (self.shared or self.things):
             return self.plan
         return Surroundings(self.plan, self.movers, own)
 
     def cast(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Fraction of each ray, from (N, 3) to (N, 3), that is free; 1 without a hit."""
+        """Return the fraction of each ray, from (N, 3) to (N, 3), that is free; 1 without a hit."""
         hits = pybullet.rayTestBatch(start.tolist(), end.tolist(), physicsClientId=self.client)
         return np.array([hit[2] for hit in hits])
 
@@ -224,7 +224,7 @@ class World:
         return floor
 
     def _add_solid(self, parts: Sequence[_Part]) -> int:
-        """One body that stands still."""
+        """Make one body that stands still."""
         kinds = [part.kind for part in parts]
         halves = [part.halves for part in parts]
         radii = [part.radius for part in parts]
@@ -264,7 +264,7 @@ class World:
         return solid
 
     def _add_bulbs(self, lamps: Sequence[Lamp]) -> None:
-        """One body that is seen and does not touch anything."""
+        """Add one body that is seen and does not touch anything."""
         count = len(lamps)
         look = pybullet.createVisualShapeArray(
             shapeTypes=[pybullet.GEOM_SPHERE] * count,

@@ -23,7 +23,7 @@ from rich.progress import (
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.devices import Hardware, open_hardware
-from macor_hil.hardware.line import open_port
+from macor_hil.hardware.line.serial_line import open_port
 from macor_hil.hardware.options import DeviceOptions, ZenohOptions
 from macor_hil.telemetry.session import open_session
 

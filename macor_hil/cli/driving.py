@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 from khepera_protocol.options import Cli, takes
-from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from pydantic import Field
 from rich.console import Console
 from rich.table import Table
@@ -15,7 +15,7 @@ from macor_hil.cli.ending import Status, kept, told
 from macor_hil.cli.learning import train_map_of
 from macor_hil.cli.paths import PICTURES, check_file, check_folder
 from macor_hil.errors import MacorError
-from macor_hil.hardware.cameras.checks import CheckedCamera, limits_of
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_of
 from macor_hil.hardware.options import DeviceOptions, ProfileOptions, ZenohOptions
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.eyes.panorama import PanoramaEyes
@@ -62,7 +62,7 @@ def run(options: RunOptions) -> None:
     report = serve(options, lambda decision: told(decision_line(decision)))
     driven = (
         f"{report.commands} commands, reinforcement {report.reinforcement:.2f};"
-        + (f" {report.recoveries} failures got over;" if report.recoveries else "")
+        + (f" recovered from {report.recoveries} failures;" if report.recoveries else "")
         + " the robot stands"
     )
     if report.signal:

@@ -1,4 +1,4 @@
-"""How every command of `macor-hil` ends: its exit status, and what is told of work cut short."""
+"""Exit statuses of the commands of `macor-hil`, and reports of work cut short."""
 
 import select
 from collections.abc import Callable, Iterator

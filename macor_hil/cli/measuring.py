@@ -20,9 +20,9 @@ from macor_hil.errors import CalibrationError, CameraError, MacorError
 from macor_hil.hardware.address import DEFAULT_SEED
 from macor_hil.hardware.bench import Bench, PortBench, ZenohBench
 from macor_hil.hardware.calibration.course import drive_all, fit_wheels, moves
-from macor_hil.hardware.calibration.measured import Course, Measured, measured_path
+from macor_hil.hardware.calibration.measured import CalibrationPlan, Measured, measured_path
 from macor_hil.hardware.calibration.measuring import BenchRuler, Hands, Ruler
-from macor_hil.hardware.cameras.checks import CheckedCamera, PictureLimits, limits_for
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera, PictureLimits, limits_for
 from macor_hil.hardware.cameras.mirror_fit import draw_mirror, find_mirror
 from macor_hil.hardware.devices import robot_of
 from macor_hil.hardware.driver import Driver, DriveSettings
@@ -36,7 +36,7 @@ from macor_hil.safety.interruption import signals_taken_over
 DEFAULT_PROFILE: Final = Path("runs/robot.json")
 
 _FREE_FLOOR: Final = f"khepera://open-box?seed={DEFAULT_SEED}"
-"""Where the default course fits."""
+"""Arena in which the default course fits."""
 
 app = typer.Typer()
 
@@ -131,7 +131,7 @@ def calibrate(options: CalibrateOptions) -> None:
     with claim(profile):
         if options.restart:
             measured_path(profile).unlink(missing_ok=True)
-        course = Course(options.port, options.side, options.runs, options.speed, known)
+        course = CalibrationPlan(options.port, options.side, options.runs, options.speed, known)
         done = Measured(profile, course)
         _drive_what_is_left(options, done)
     try:

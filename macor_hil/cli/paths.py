@@ -82,7 +82,7 @@ def _check_folder(option: str, path: Path, folder: Path) -> None:
 
 
 def _mode(path: Path) -> int | None:
-    """What stands at a path, links followed; None: nothing."""
+    """Return the mode of what a path leads to, links followed; None: nothing."""
     try:
         return path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):

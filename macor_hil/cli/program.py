@@ -36,7 +36,7 @@ All of it at once, with an emulated robot:
 """
 
 _ENDED: Final = {"SIGINT": "interrupted", CLOSED_OUTPUT: "nobody reads the standard output"}
-"""How an end by somebody is told, where it is not `ended by` them."""
+"""Words for an end by somebody, where they are not `ended by` them."""
 
 app = typer.Typer(
     help="MACOR: a controller that learns what it sees and plans by anticipation.",

@@ -172,6 +172,13 @@ def reproduce(
             " tcp://127.0.0.1:8786; its workers share the folder of --out.",
         ),
     ] = None,
+    planner: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A planner that gets a row of its own in table 1: a name, module:Class or"
+            " file.py:Class. It reads one of the memories that the table's systems learn."
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="For recordings, results and the report.")] = Path(
         "runs/reproduction"
     ),
@@ -183,7 +190,7 @@ def reproduce(
     with extra("experiments"):
         from macor_hil.experiments import catalogue
         from macor_hil.experiments.sweep import runner
-    chosen = catalogue.find(name)
+    chosen = catalogue.with_planners(catalogue.find(name), planner or [])
     check_folder("--out", out)
     with (
         kept(lambda: f"what is done is kept in {out}; the same command goes on from there"),

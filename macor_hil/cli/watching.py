@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 from khepera_protocol.options import Cli, takes
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.keys import KEYS
-from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.schema import schema_of
 from pydantic import Field
 
@@ -30,7 +30,7 @@ app = typer.Typer()
 
 
 class WatchOptions(ZenohOptions):
-    """Whom to watch."""
+    """A robot and controller that are watched."""
 
     connect: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
         default=(CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT),
@@ -39,7 +39,7 @@ class WatchOptions(ZenohOptions):
 
 
 class DurationOptions(Options):
-    """How long to watch."""
+    """Duration of watching."""
 
     duration: Annotated[float | None, Cli(flags=("--for",), metavar="SECONDS")] = Field(
         default=None, ge=0.1, description="End after a time."

@@ -1,11 +1,13 @@
 """All experiments, in the order of the report."""
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Final
 
 from khepera_protocol.extras import how_to_install
 
 from macor_hil.errors import MacorError
+from macor_hil.experiments import table1
 from macor_hil.experiments.beyond import BEYOND
 from macor_hil.experiments.drift import DRIFT
 from macor_hil.experiments.experiment import Experiment
@@ -48,3 +50,18 @@ def find(name: str) -> tuple[Experiment, ...]:
                 f" {how_to_install('peers')}"
             )
     return found
+
+
+def with_planners(
+    experiments: Sequence[Experiment], planners: Sequence[str]
+) -> tuple[Experiment, ...]:
+    """Return experiments in which table 1 has a row for each of other planners.
+
+    Raises:
+        MacorError: table 1 is not among them, or there is no such planner.
+    """
+    if planners and TABLE1 not in experiments:
+        raise MacorError(f"--planner adds rows to {TABLE1.name}; reproduce that")
+    return tuple(
+        table1.with_planners(each, planners) if each is TABLE1 else each for each in experiments
+    )

@@ -40,6 +40,7 @@ class Experiment:
         tell: the report's text, the paper's numbers beside ours.
         results: name under which results are kept, for experiments that share trials.
         most_seeds: seeds beyond these are left out of it; None: all take part.
+        also: experiments whose trials are shown beside its own.
         peer: another implementation that it compares with, of the extra `peers`; such an
             experiment runs when it is asked for by its name.
     """
@@ -52,6 +53,7 @@ class Experiment:
     tell: Callable[[Any, Results], Sequence[Element]]
     results: str = ""
     most_seeds: int | None = None
+    also: tuple["Experiment", ...] = ()
     peer: str | None = None
 
     @property

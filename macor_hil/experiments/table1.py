@@ -6,8 +6,8 @@ Q-learning has its own evaluations (equations 3 and 4). Beyond the paper: expect
 situations.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any, Final
 
@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from macor_hil.experiments.drives.course import (
     Course,
+    System,
     on_course,
     trial_as_json,
     trial_from_json,
@@ -37,6 +38,7 @@ from macor_hil.experiments.report.drawing import draw_seeds, draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.statistics import Order, estimate, order
 from macor_hil.experiments.results.store import Result, Results
+from macor_hil.mind.catalogue import make_planner
 from macor_hil.runs.trials import Trial
 
 
@@ -78,6 +80,55 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     }
 
 
+@dataclass(frozen=True)
+class PlannerSettings(Settings):
+    """Section 3.2 with other planners."""
+
+    planners: tuple[str, ...] = ()
+    """Names, `module:Class` or `file.py:Class`."""
+
+
+def trial_of_planners(settings: PlannerSettings, seed: int, recordings: Recordings) -> Result:
+    """Drive trials of other planners on what the systems of the table have learned."""
+    brain = learn_all(settings, recordings[seed])[ANTICIPATIVE].brain
+    with on_course(settings.course, seed, settings.drive.drift) as track:
+        driven = {
+            name: track.drive(System(brain, make_planner(name)), seed) for name in settings.planners
+        }
+    return {"trials": {name: [trial_as_json(one) for one in done] for name, done in driven.items()}}
+
+
+def with_planners(table: Experiment, planners: Sequence[str]) -> Experiment:
+    """Return the table with a row for each of other planners, whose results are kept apart.
+
+    Raises:
+        MacorError: there is no such planner.
+    """
+    known = {field.name: getattr(table.settings, field.name) for field in fields(table.settings)}
+    also = []
+    for name in planners:
+        make_planner(name)
+        settings = PlannerSettings(**known, planners=(name,))
+        also.append(
+            Experiment(
+                f"planner {name}",
+                name,
+                settings,
+                trial_of_planners,
+                lambda *_: {},
+                lambda *_: (),
+                results="planner",
+            )
+        )
+    return replace(table, also=tuple(also))
+
+
+def systems_of(results: Results) -> tuple[str, ...]:
+    """List the systems of the table, and then other planners that have driven."""
+    driven = next(iter(results.values()))["trials"] if results else {}
+    return (*SYSTEMS, *(name for name in driven if name not in SYSTEMS))
+
+
 def trials_of(results: Results, system: str) -> list[list[Trial]]:
     """Trials of a system, one list a seed."""
     return [[trial_from_json(t) for t in result["trials"][system]] for result in results.values()]
@@ -102,20 +153,22 @@ def per_seed(results: Results, system: str) -> dict[str, list[float]]:
 
 def orders(results: Results, criterion: str) -> dict[str, Order]:
     """Return tests of the paper's ordering, and of the planner beyond it."""
-    values = {system: per_seed(results, system)[criterion] for system in SYSTEMS}
+    systems = systems_of(results)
+    values = {system: per_seed(results, system)[criterion] for system in systems}
     pairs = (
         (ANTICIPATIVE, Q),
         (Q, REACTIVE),
         (ANTICIPATIVE, REACTIVE),
         (EXPECTED, ANTICIPATIVE),
         (GRADED, EXPECTED),
+        *((other, ANTICIPATIVE) for other in systems[len(SYSTEMS) :]),
     )
     return {f"{a} over {b}": order(values[a], values[b]) for a, b in pairs}
 
 
 def draw_table(_: Settings, results: Results) -> dict[str, Figure]:
     """Length of trials, seed by seed."""
-    lengths = {system: per_seed(results, system)["length"] for system in SYSTEMS}
+    lengths = {system: per_seed(results, system)["length"] for system in systems_of(results)}
     paper: dict[str, float] = {name: row["length"][0] for name, row in PAPER.items()}  # type: ignore[index]
     return {"lengths": draw_seeds(lengths, "commands in a trial, mean of a seed's trials", paper)}
 
@@ -185,7 +238,7 @@ def _scope(settings: Settings, results: Results) -> str:
 
 def _paper_table(results: Results) -> Table:
     rows = []
-    for system in SYSTEMS:
+    for system in systems_of(results):
         trials = [one for seed in trials_of(results, system) for one in seed]
         ours = _printed(trials)
         rows.append((f"{system}, here", *ours))
@@ -211,7 +264,7 @@ def _paper_row(row: dict[str, Any]) -> tuple[str, ...]:
 
 def _seed_table(results: Results) -> Table:
     rows = []
-    for system in SYSTEMS:
+    for system in systems_of(results):
         values = per_seed(results, system)
         rows.append((system, *(str(estimate(values[c])) for c in ("r", "length", "step"))))
     head = ("system", "r per trial", "length", "r per step")
@@ -255,12 +308,13 @@ _ENOUGH: Final = 5
 
 
 def _all_seeds(results: Results) -> Table:
-    lengths = {system: per_seed(results, system)["length"] for system in SYSTEMS}
+    systems = systems_of(results)
+    lengths = {system: per_seed(results, system)["length"] for system in systems}
     rows = tuple(
-        (str(seed), *(f"{lengths[system][k]:.1f}" for system in SYSTEMS))
+        (str(seed), *(f"{lengths[system][k]:.1f}" for system in systems))
         for k, seed in enumerate(results)
     )
-    return Table("Mean length of the trials of every seed", ("seed", *SYSTEMS), rows)
+    return Table("Mean length of the trials of every seed", ("seed", *systems), rows)
 
 
 _DIFFERENCES: Final = (

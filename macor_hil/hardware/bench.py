@@ -35,7 +35,7 @@ class Bench(Protocol):
         ...
 
     def truth(self) -> Truth:
-        """Where the robot really is.
+        """Return where the robot really is.
 
         Raises:
             BenchError: the emulator does not answer.
@@ -43,7 +43,7 @@ class Bench(Protocol):
         ...
 
     def outline(self) -> Outline:
-        """The arena from above, to draw.
+        """Return the arena from above, to draw.
 
         Raises:
             BenchError: the emulator does not answer.
@@ -68,12 +68,12 @@ class PortBench:
         return truth
 
     def truth(self) -> Truth:
-        """Where the robot really is."""
+        """Return where the robot really is."""
         truth: Truth = self._emulator.truth()
         return truth
 
     def outline(self) -> Outline:
-        """The arena from above."""
+        """Return the arena from above."""
         outline: Outline = self._emulator.outline()
         return outline
 
@@ -90,11 +90,11 @@ class ZenohBench:
         return self._ask(RESET, Truth, reset.model_dump_json(exclude_none=True))
 
     def truth(self) -> Truth:
-        """Where the robot really is."""
+        """Return where the robot really is."""
         return self._ask(TRUTH, Truth)
 
     def outline(self) -> Outline:
-        """The arena from above."""
+        """Return the arena from above."""
         return self._ask(ARENA, Outline)
 
     def _ask(self, asked: Key, kind: type[_P], payload: str | None = None) -> _P:

@@ -27,7 +27,7 @@ from macor_hil.hardware.standstill import standing_on_failure
 
 @dataclass(frozen=True, slots=True)
 class DriveSettings:
-    """How commands are driven.
+    """Settings of the driver.
 
     Attributes:
         wheels: what counts mean.
@@ -47,7 +47,7 @@ class DriveSettings:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a command came to.
+    """Outcome of a driven command.
 
     Attributes:
         collided: whether it was cut short.
@@ -89,7 +89,7 @@ _SLACK = 40
 
 
 def is_touching(proximity: tuple[int, ...], settings: DriveSettings) -> bool:
-    """Whether infrared readings say that the body is about to touch something it can drive into."""
+    """Return True if infrared readings say that the body is about to touch something ahead."""
     return max(proximity[FRONT_SENSORS]) >= settings.collision
 
 
@@ -301,7 +301,7 @@ class Driver:
                 )
 
     def _duration(self, counts: float, leash: float = inf) -> float:
-        """Seconds that the profile needs for a number of counts, with a target so far ahead."""
+        """Return the seconds that the profile needs for some counts, with a target so far ahead."""
         settings = self.settings
         way = counts * PULSE
         acceleration = settings.acceleration * ACCELERATION_UNIT

@@ -16,8 +16,8 @@ from typing import Any, Final, Self
 from khepera_protocol.serial.messages import Reply, build_request
 
 from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
-from macor_hil.hardware.line import LONGEST_REPLY, Line, open_port
-from macor_hil.hardware.line_statistics import Meter
+from macor_hil.hardware.line.line_statistics import Meter
+from macor_hil.hardware.line.serial_line import LONGEST_REPLY, Line, open_port
 from macor_hil.safety.interruption import undisturbed
 
 __all__ = ["LONGEST_REPLY", "Khepera", "WheelStatus", "open_port"]
@@ -51,7 +51,7 @@ _SPEED = build_request("E")
 
 @dataclass(frozen=True, slots=True)
 class WheelStatus:
-    """What K says of one wheel.
+    """Status of one wheel, as K gives it.
 
     Attributes:
         reached: whether the target of the position controller is reached.
@@ -210,7 +210,7 @@ class Khepera:
         return reset
 
     def _looks_reset(self, left: int, right: int) -> bool:
-        """Whether counters tell of a reset whose banner nobody heard."""
+        """Return True if counters tell of a reset whose banner nobody heard."""
         if self._counters is None:
             return False
         return max(abs(left), abs(right)) < _NEAR_ZERO and (
@@ -248,7 +248,7 @@ class Khepera:
         self._counters = left, right
 
     def counters(self) -> tuple[int, int]:
-        """The encoder counters, left and right."""
+        """Return the encoder counters, left and right."""
         left, right = self.request("H").values
         self._counters = left, right
         return left, right
@@ -263,7 +263,7 @@ class Khepera:
         return left, right
 
     def proximity(self) -> tuple[int, ...]:
-        """The eight proximity sensors, 0 far to 1023 near."""
+        """Return the eight proximity sensors, 0 far to 1023 near."""
         return self.request("N").values
 
 

@@ -14,7 +14,7 @@ _Base = Annotated[float, Field(ge=WHEEL_BASE / 2, le=WHEEL_BASE * 2)]
 
 @dataclass(frozen=True, slots=True)
 class Wheels:
-    """What the counts of a robot's wheels mean; `macor-hil calibrate` measures it.
+    """Meaning of the counts of a robot's wheels; `macor-hil calibrate` measures it.
 
     Attributes:
         left, right: metres a count; in files at most a factor of two from the nominal value.
@@ -26,15 +26,15 @@ class Wheels:
     base: _Base = WHEEL_BASE
 
     def counts(self, way: float, turn: float) -> tuple[float, float]:
-        """Counts of both wheels for an arc of a length in metres that turns by radians."""
+        """Return counts of both wheels for an arc of a length in metres that turns by radians."""
         half = turn * self.base / 2
         return (way - half) / self.left, (way + half) / self.right
 
 
 def integrate(
-    pose: Pose, before: tuple[int, int], after: tuple[int, int], wheels: Wheels = Wheels()
+    pose: Pose, before: tuple[float, float], after: tuple[float, float], wheels: Wheels = Wheels()
 ) -> Pose:
-    """The pose after both wheels went on from one counter reading to another.
+    """Return the pose after both wheels went on from one counter reading to another.
 
     The way between two readings is taken as one arc.
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from khepera_protocol.options import Cli
-from khepera_protocol.zenoh.payloads import DEFAULT_ENDPOINT
+from khepera_protocol.zenoh.config import DEFAULT_ENDPOINT
 from pydantic import BaseModel, ConfigDict, Field
 
 from macor_hil.hardware.address import DEFAULT_PORT, DEFAULT_SEED, PortAddress
@@ -78,7 +78,7 @@ class DeviceOptions(ZenohOptions, LineOptions):
 
 
 class SpeedOptions(Options):
-    """How fast a robot drives."""
+    """Speed of a robot."""
 
     speed: int = Field(
         default=_DRIVE.speed,
@@ -89,7 +89,7 @@ class SpeedOptions(Options):
 
 
 class ProfileOptions(Options):
-    """What was measured on a robot."""
+    """Profile of a robot."""
 
     profile: Annotated[Path | None, Cli(metavar="FILE")] = Field(
         default=None,
@@ -106,7 +106,7 @@ class ProfileOptions(Options):
 
 
 class DriveOptions(ProfileOptions, SpeedOptions):
-    """How a robot is driven."""
+    """Settings of the driver."""
 
     acceleration: int = Field(
         default=_DRIVE.acceleration,

@@ -24,7 +24,7 @@ VERSION: Final = 1
 
 @dataclass(frozen=True, slots=True)
 class RobotProfile:
-    """What was measured on one robot.
+    """Measurements of one robot.
 
     Attributes:
         mirror: where the mirror lies in the camera's picture; None: as the map says.

@@ -12,7 +12,7 @@ from macor_hil.arrays import Array, Image
 from macor_hil.commands import COMMANDS
 from macor_hil.mind.clusterers.clusterer import Clusterer
 from macor_hil.mind.experience import Experience, Moment
-from macor_hil.mind.eyes.eyes import Eyes
+from macor_hil.mind.eyes.eyes import Eyes, FloorSeeing
 from macor_hil.mind.memories.memory import Memory
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.reinforcement import Reinforcement
@@ -58,7 +58,9 @@ class Brain:
         """
         x = self.eyes.tuned(raw)
         resonance = self.clusterer.present(x, learn=learn)
-        return Moment(raw, x, resonance, resonance.node * len(COMMANDS) + command)
+        neuron = resonance.node * len(COMMANDS) + command
+        floor = self.eyes.floor(raw) if isinstance(self.eyes, FloorSeeing) else None
+        return Moment(raw, x, resonance, neuron, floor)
 
     def earned(self, command: int, *, collided: bool) -> float:
         """Return what a driven command earns."""

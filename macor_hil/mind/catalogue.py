@@ -9,6 +9,7 @@ from khepera_protocol.text import printable
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import MacorError
 from macor_hil.mind.brain import Brain
+from macor_hil.mind.eyes.eyes import FloorSeeing
 from macor_hil.mind.memories.memory import Memory
 from macor_hil.mind.planners.planner import Planner
 from macor_hil.mind.settings import MindSettings, Part, make_part
@@ -23,6 +24,7 @@ PLANNERS: Final = Registry(
         "weak-q-learning": "macor_hil.mind.planners.q_learning:WeakQLearning",
         "expected": "macor_hil.mind.planners.expected:Expected",
         "graded": "macor_hil.mind.planners.graded:Graded",
+        "foresight": "macor_hil.mind.planners.foresight:Foresight",
     },
 )
 MEMORIES: Final = Registry(
@@ -32,6 +34,7 @@ MEMORIES: Final = Registry(
         "transitions": "macor_hil.mind.memories.transitions:SensorimotorMap",
         "q-learning": "macor_hil.mind.memories.q_map:QMap",
         "graded": "macor_hil.mind.memories.graded:GradedMemory",
+        "foresight": "macor_hil.mind.memories.foresight:ForesightMemory",
     },
 )
 CLUSTERERS: Final = Registry(
@@ -45,7 +48,10 @@ CLUSTERERS: Final = Registry(
 EYES: Final = Registry(
     "kind of eyes",
     "khepera_macor.eyes",
-    {"receptive-fields": "macor_hil.mind.eyes.panorama:PanoramaEyes"},
+    {
+        "receptive-fields": "macor_hil.mind.eyes.panorama:PanoramaEyes",
+        "fields-and-floor": "macor_hil.mind.eyes.floor:FloorEyes",
+    },
 )
 
 
@@ -75,7 +81,8 @@ def build_brain(
                 " allow that with --allow and just this name"
             )
     eyes = _made(EYES, settings.eyes, given)
-    given |= {"features": eyes.size, "mirrored": eyes.mirrored}
+    directions = eyes.directions if isinstance(eyes, FloorSeeing) else 0
+    given |= {"features": eyes.size, "mirrored": eyes.mirrored, "directions": directions}
     return Brain(
         eyes,
         _made(CLUSTERERS, settings.clusterer, given),

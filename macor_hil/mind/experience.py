@@ -1,4 +1,4 @@
-"""What all learning is made of: moments, and what a command led from one to the next."""
+"""Moments, and experiences: what a command led to from one moment to the next."""
 
 from dataclasses import dataclass
 
@@ -22,19 +22,22 @@ class Resonance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What the robot sees at one moment.
+    """A view of the robot at one moment.
 
     Attributes:
         raw: untuned features, shape (M,).
         features: features x, each in [0, 1], shape (M,).
         resonance: the situation that they were taken for.
         neuron: that situation, entered by the last command (i = k * m + a).
+        floor: inverse distance of the floor's end in each direction, shape (directions,), see
+            `FloorSeeing`; None: the eyes do not tell.
     """
 
     raw: Array
     features: Array
     resonance: Resonance
     neuron: int
+    floor: Array | None = None
 
     @property
     def node(self) -> int:

@@ -36,7 +36,7 @@ _MOST_BYTES: Final = 64 * MIB
 
 @dataclass(frozen=True, slots=True)
 class _Meta:
-    """What is checked of a map's JSON text."""
+    """Contents of a map's JSON text."""
 
     settings: MindSettings
     training: dict[str, Any]

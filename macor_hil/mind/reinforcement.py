@@ -26,7 +26,7 @@ class Reinforcement:
     collision: _Earned = 0.0
 
     def __call__(self, command: MotorCommand, collided: bool) -> float:
-        """What a command earned."""
+        """Return what a command earned."""
         if collided:
             return self.collision
         return self.straight if command.turn == 0.0 else self.turn

@@ -15,7 +15,7 @@ from macor_hil.mind.reinforcement import Reinforcement
 MOST_NODES: Final = 1000
 """Situations of the largest map."""
 
-GIVEN: Final = frozenset({"mirror", "nodes", "commands", "features", "mirrored"})
+GIVEN: Final = frozenset({"mirror", "nodes", "commands", "features", "mirrored", "directions"})
 """Constructor parameters that a brain gives to its parts; all others are settings."""
 
 
@@ -38,6 +38,7 @@ def _memories() -> dict[str, Part]:
         "graded": Part("graded"),
         "q-learning": Part("q-learning"),
         "weak-q-learning": Part("q-learning", {"gamma": 0.0}),
+        "foresight": Part("foresight"),
     }
 
 
@@ -55,7 +56,7 @@ class MindSettings:
     """
 
     nodes: Annotated[int, Field(ge=1, le=MOST_NODES)] = 50
-    eyes: Part = Part("receptive-fields")
+    eyes: Part = Part("fields-and-floor")
     clusterer: Part = Part("fuzzy-art")
     memories: Annotated[Mapping[str, Part], Field(max_length=16)] = field(
         default_factory=_memories, hash=False

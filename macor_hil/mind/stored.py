@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from macor_hil.arrays import Array, Indices
 
 MOST_COUNTED: Final = 2**31 - 1
-"""How often a transition can have been adapted, or a command tried."""
+"""Greatest number of times that a transition can have been adapted, or a command tried."""
 
 MOST_EARNED: Final = 1000.0
 """Greatest reinforcement, either way."""

@@ -1,1 +1,1 @@
-"""What a controller does with its devices: live runs, trainings, trials."""
+"""Uses of a controller with its devices: live runs, trainings, trials."""

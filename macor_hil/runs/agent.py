@@ -42,7 +42,7 @@ class Step:
 
     @property
     def experience(self) -> Experience:
-        """What there is to learn from it."""
+        """Experience of the step, to learn from."""
         before, after = self.before.moment, self.after.moment
         return Experience(before, self.command, after, self.reinforcement, self.outcome.collided)
 

@@ -22,16 +22,16 @@ from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.recovery import TrainingRecovery
-from macor_hil.runs.training import Phase, Schedule, Session, Trainer
+from macor_hil.runs.training import Schedule, Session, SessionKind, Trainer
 
 _FACTS: Final = {"place": "port", "drive": "wheels or speeds"}
-"""What to call facts that a training must have in common with its checkpoint."""
+"""Names of facts that a training must have in common with its checkpoint."""
 _Feature = Annotated[float, Field(ge=-10.0, le=10.0)]
 
 
 @dataclass(frozen=True, slots=True)
 class _Progress:
-    """How far the training of a checkpoint is; the bounds are those of files.
+    """Progress of the training of a checkpoint; the bounds are those of files.
 
     Attributes:
         sessions: that are done.
@@ -48,7 +48,7 @@ _PROGRESS: Final = TypeAdapter(_Progress)
 
 
 def checkpoint_path(path: Path) -> Path:
-    """Where the checkpoint of a map in training lies: beside the map."""
+    """Return the path of the checkpoint of a map in training: beside the map."""
     return path.with_name(f"{path.name}.part")
 
 
@@ -101,7 +101,7 @@ def train_map(
     def save(target: Path, sessions_done: int, commands_done: int = 0) -> None:
         state: dict[str, Any] = {"sessions": sessions_done}
         if commands_done:
-            tuning = sessions[sessions_done].phase is Phase.TUNING
+            tuning = sessions[sessions_done].kind is SessionKind.TUNING
             state |= {"done": commands_done, "seen": trainer.seen if tuning else []}
         _save_with_help(target, brain, {**facts, **state}, rescue)
 
@@ -188,7 +188,7 @@ def _check_fits(progress: _Progress, sessions: Sequence[Session], features: int)
     """
     done, seen = progress.done, progress.seen
     session = sessions[progress.sessions] if progress.sessions < len(sessions) else None
-    tuning = session is not None and session.phase is Phase.TUNING
+    tuning = session is not None and session.kind is SessionKind.TUNING
     if progress.sessions > len(sessions) or done >= (session.length if session else 1):
         raise InputError("it has driven more than is to be driven")
     if len(seen) != (done if tuning else 0) or any(len(row) != features for row in seen):

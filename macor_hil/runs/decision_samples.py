@@ -20,7 +20,7 @@ from khepera_protocol.zenoh.controller_payloads import (
 )
 
 from macor_hil.commands import COMMANDS
-from macor_hil.hardware.line_statistics import Reading
+from macor_hil.hardware.line.line_statistics import Reading
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.eyes.opponent import CHANNELS
 from macor_hil.mind.eyes.panorama import PanoramaEyes
@@ -38,7 +38,7 @@ def decision_of(
     total_reinforcement: float,
     odometry: Odometry,
 ) -> Decision:
-    """The payload of a step.
+    """Return the payload of a step.
 
     Args:
         step: what was seen, planned, driven and earned.
@@ -96,7 +96,7 @@ def learned_of(brain: Brain) -> Learned:
 
 
 def link_of(reading: Reading, time: float) -> Link:
-    """The payload of a meter's reading at a time in seconds on the robot's clock."""
+    """Return the payload of a meter's reading at a time in seconds on the robot's clock."""
     return Link(time=time, **asdict(reading))
 
 

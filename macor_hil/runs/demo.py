@@ -17,14 +17,9 @@ from tempfile import TemporaryFile
 from typing import IO
 
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.controller_payloads import Decision
-from khepera_protocol.zenoh.payloads import (
-    CONTROLLER_ENDPOINT,
-    DEFAULT_ENDPOINT,
-    Outline,
-    Pose,
-    Reset,
-)
+from khepera_protocol.zenoh.payloads import Outline, Pose, Reset
 
 from macor_hil.errors import BenchError, MacorError
 from macor_hil.hardware.address import DEFAULT_SEED
@@ -45,7 +40,7 @@ _LAST_WORDS = 1000
 
 @dataclass(frozen=True, slots=True)
 class DemoSettings:
-    """Where the demonstration runs.
+    """Settings of the demonstration.
 
     Attributes:
         map_file: what has been learned.
@@ -95,14 +90,14 @@ def reserved(usual: str) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class DemoResult:
-    """What the demonstration showed: the arena, and a trial of each planner by name."""
+    """Result of the demonstration: the arena, and a trial of each planner by name."""
 
     outline: Outline
     trials: dict[str, Trial]
 
     @property
     def as_expected(self) -> bool:
-        """Whether the robot that plans got round the curve and the reactive one hit the wall.
+        """True if the robot that plans got round the curve and the reactive one hit the wall.
 
         The paper's own planner is shown and not judged: on some maps it gets round, on others not.
         """

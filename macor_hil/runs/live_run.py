@@ -29,8 +29,8 @@ from khepera_protocol.zenoh.controller_payloads import Phase
 from khepera_protocol.zenoh.payloads import Pose
 
 from macor_hil.errors import CameraError, MacorError, RobotError
-from macor_hil.hardware.cameras.checks import CheckedCamera, is_hopeless, limits_of
-from macor_hil.hardware.cameras.watchdog import CameraWatch
+from macor_hil.hardware.cameras.camera_watch import CameraWatch
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera, is_hopeless, limits_of
 from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.driver import LONGEST_WAY, Driver, DriveSettings, all_of
 from macor_hil.hardware.standstill import standing_on_failure

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from khepera_protocol.options import Cli
-from khepera_protocol.zenoh.payloads import CONTROLLER_ENDPOINT
+from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT
 from pydantic import Field
 
-from macor_hil.hardware.cameras.watchdog import DEFAULT_LIMIT
+from macor_hil.hardware.cameras.camera_watch import DEFAULT_LIMIT
 from macor_hil.hardware.options import (
     DeviceOptions,
     DriveOptions,
@@ -79,7 +79,7 @@ class TrainOptions(SeedOptions, ProfileOptions, SpeedOptions, DeviceOptions, Map
 
     @property
     def schedule(self) -> Schedule:
-        """How much is trained."""
+        """Amount of training."""
         auto = Recovery.RESET if self.address.embedded else Recovery.BACK
         return Schedule(
             tuning=self.tuning,

@@ -34,7 +34,7 @@ class Possible:
 
     @property
     def everything(self) -> bool:
-        """Whether all commands of a trial can be driven: no collision is necessary."""
+        """True if all commands of a trial can be driven: no collision is necessary."""
         return self.length >= self.asked
 
 

@@ -20,8 +20,7 @@ from macor_hil.commands import COMMANDS, FIRST_COMMAND
 from macor_hil.errors import CameraError, RecordingError, WrongPictureError
 from macor_hil.hardware.cameras.decoding import decode_picture
 from macor_hil.mind.brain import Brain
-from macor_hil.mind.experience import Experience
-from macor_hil.mind.experience import Moment as Seen
+from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.stored import MOST_EARNED
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 
@@ -36,7 +35,7 @@ _OUT_OF_ORDER: Final = 16
 """By how much numbers step back within a run at most; a run that begins counts from 0 again."""
 
 
-class Moment(NamedTuple):
+class RecordedView(NamedTuple):
     """A view and what led to it.
 
     Attributes:
@@ -53,7 +52,7 @@ class Moment(NamedTuple):
 
 
 class _Driven(NamedTuple):
-    """What is learned of a decision: on which frame it was made, and what came of it."""
+    """Contents of a decision that are learned: its frame, its command, and the outcome."""
 
     frame_time: float
     command: int
@@ -124,8 +123,8 @@ def learn(brain: Brain, recordings: Iterable[Iterable[Event]], rng: np.random.Ge
     return driven
 
 
-def _take_in(brain: Brain, drive: Iterable[Moment]) -> None:
-    before: Seen | None = None
+def _take_in(brain: Brain, drive: Iterable[RecordedView]) -> None:
+    before: Moment | None = None
     for moment in drive:
         command = FIRST_COMMAND if moment.command is None else moment.command
         after = brain.perceive(moment.raw, command, learn=True)
@@ -202,7 +201,7 @@ def _decoded(data: bytes) -> Image | None:
         return None
 
 
-def _moments(run: _Run, left_out: Counter[str]) -> Iterator[Moment]:
+def _moments(run: _Run, left_out: Counter[str]) -> Iterator[RecordedView]:
     """Return frames in the order in which they were seen, with the decision between each two."""
     last: int | None = None
     for _, driven in sorted(run.decisions.items()):
@@ -215,6 +214,6 @@ def _moments(run: _Run, left_out: Counter[str]) -> Iterator[Moment]:
             left_out["decisions without the frame after them"] += 1
             continue
         if number != last:
-            yield Moment(run.frames[number], None, 0.0, False)
-        yield Moment(after, driven.command, driven.reinforcement, driven.collided)
+            yield RecordedView(run.frames[number], None, 0.0, False)
+        yield RecordedView(after, driven.command, driven.reinforcement, driven.collided)
         last = number + 1

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from macor_hil.errors import CameraError, MacorError, RobotError
-from macor_hil.hardware.cameras.checks import CheckedCamera, is_hopeless
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera, is_hopeless
 from macor_hil.hardware.khepera import Khepera
 
 Ask = Callable[[str], None]

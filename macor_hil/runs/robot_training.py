@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from macor_hil.hardware.cameras.checks import CheckedCamera, limits_for
-from macor_hil.hardware.cameras.watchdog import CameraWatch
+from macor_hil.hardware.cameras.camera_watch import CameraWatch
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_for
 from macor_hil.hardware.devices import Hardware
 from macor_hil.hardware.driver import Driver, DriveSettings, all_of
 from macor_hil.mind.brain import Brain

@@ -38,7 +38,7 @@ _STUCK: Final = 8
 
 
 class Recovery(StrEnum):
-    """What follows a collision."""
+    """Ways of going on after a collision."""
 
     BACK = "back"
     """Drive back along the trail: works on a physical robot."""
@@ -48,7 +48,7 @@ class Recovery(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """How much is trained, and in which portions.
+    """Amount of training, and its portions.
 
     Attributes:
         tuning: commands driven first to tune the receptive fields; nothing else is learned.
@@ -74,18 +74,21 @@ class Schedule:
         return self.tuning + self.random + self.reactive
 
     def sessions(self) -> list["Session"]:
-        """The sessions in order."""
-        plan = [Session(0, Phase.TUNING, self.tuning, 0)]
-        for phase, total in ((Phase.RANDOM, self.random), (Phase.REACTIVE, self.reactive)):
+        """Return the sessions in order."""
+        plan = [Session(0, SessionKind.TUNING, self.tuning, 0)]
+        for kind, total in (
+            (SessionKind.RANDOM, self.random),
+            (SessionKind.REACTIVE, self.reactive),
+        ):
             for done in range(0, total, self.session):
                 last = plan[-1]
                 length = min(self.session, total - done)
-                plan.append(Session(last.number + 1, phase, length, last.start + last.length))
+                plan.append(Session(last.number + 1, kind, length, last.start + last.length))
         return plan
 
 
-class Phase(StrEnum):
-    """What a session trains."""
+class SessionKind(StrEnum):
+    """Kinds of sessions."""
 
     TUNING = "tuning"
     RANDOM = "random"
@@ -97,7 +100,7 @@ class Session:
     """A portion of training: its number, kind, length and first command."""
 
     number: int
-    phase: Phase
+    kind: SessionKind
     length: int
     start: int
 
@@ -152,7 +155,7 @@ class Trainer:
         rng = np.random.default_rng([self._schedule.seed, *place])
         if self._bench is not None:
             self._bench.reset(Reset(random=True, seed=int(rng.integers(2**31))))
-        if session.phase is Phase.TUNING:
+        if session.kind is SessionKind.TUNING:
             # what the untuned eyes take for situations is thrown away
             scratch = Agent(
                 build_brain(self._brain.settings or MindSettings()), self._driver, self._camera
@@ -174,7 +177,7 @@ class Trainer:
         before: int,
     ) -> Iterator[View]:
         """Drive and learn the commands of a session; gives what is seen after each."""
-        choose = self._choice(session.phase, agent, rng)
+        choose = self._choice(session.kind, agent, rng)
         view = self._begin(agent)
         since_begin, done = 0, before
         while done < session.length:
@@ -207,16 +210,16 @@ class Trainer:
             raise error
         self._rescue.recover(error)
 
-    def _choice(self, phase: Phase, agent: Agent, rng: np.random.Generator) -> Choice:
+    def _choice(self, kind: SessionKind, agent: Agent, rng: np.random.Generator) -> Choice:
         def draw() -> int:
             return int(rng.integers(len(COMMANDS)))
 
-        if phase is Phase.REACTIVE:
+        if kind is SessionKind.REACTIVE:
             return agent.planned(Reactive(), draw)
         return lambda _: (draw(), NO_PLAN)
 
     def _is_long(self, commands: int) -> bool:
-        """Whether an emulated robot has been in one place long enough."""
+        """Return True if an emulated robot has been in one place long enough."""
         return self._resetting is not None and commands >= self._schedule.episode
 
     def _move_away(self, rng: np.random.Generator, *, at_once: bool) -> None:

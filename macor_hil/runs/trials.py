@@ -18,14 +18,14 @@ MAX_COMMANDS = 40
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How far starts differ from the arena's own: uniform, to either side."""
+    """Differences of starts from the arena's own: uniform, to either side."""
 
     ahead: float = 0.01
     aside: float = 0.01
     heading: float = radians(5.0)
 
     def draw(self, start: Pose, rng: np.random.Generator) -> Pose:
-        """A start near another one; metres and radians."""
+        """Return a start near another one; metres and radians."""
         ahead, aside, turn = rng.uniform(-1.0, 1.0, 3) * (self.ahead, self.aside, self.heading)
         c, s = np.cos(start.heading), np.sin(start.heading)
         return Pose(
@@ -37,7 +37,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What came of a trial.
+    """Outcome of a trial.
 
     Attributes:
         reinforcement: of every command.
@@ -63,7 +63,7 @@ class Trial:
 
 
 def fallback(rng: np.random.Generator) -> Callable[[], int]:
-    """A random command, for situations in which none was ever tried."""
+    """Make a source of random commands, for situations in which none was ever tried."""
     return lambda: int(rng.integers(len(COMMANDS)))
 
 

@@ -1,1 +1,1 @@
-"""What makes sure that the robot stands: signals, helper threads, watchdogs, claims."""
+"""Means that make sure that the robot stands: signals, helper threads, watchdogs, claims."""

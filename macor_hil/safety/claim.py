@@ -75,7 +75,7 @@ def _mark(path: Path, lock: int) -> None:
 
 
 def _leads_to(path: Path, descriptor: int) -> bool:
-    """Whether a path is still the file that was opened."""
+    """Return True if a path is still the file that was opened."""
     try:
         return os.path.samestat(os.fstat(descriptor), path.lstat())
     except FileNotFoundError:

@@ -25,7 +25,7 @@ _TRIES: Final = 10
 """Times that it is tried: whoever is there longer than that waits, and locks nothing."""
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-"""What tells a program to end: the keys Ctrl-C and Ctrl-\\, `kill`, a closed terminal."""
+"""Signals that tell a program to end: Ctrl-C and Ctrl-\\, `kill`, a closed terminal."""
 
 _ORDERLY: Final = 1.0
 """Seconds after an interrupt for which no other one comes."""

@@ -74,7 +74,7 @@ def takes(*models: type[BaseModel], config: bool = True) -> Callable[..., Callab
         @wraps(function)
         def command(**values: Any) -> None:
             values.pop(CONFIG, None)
-            made = [_made(model, values) for model in models]
+            made = [_made(model, values, _flag) for model in models]
             function(*made, **values)
 
         own = inspect.signature(function).parameters
@@ -161,12 +161,14 @@ def read_config(path: Path, names: Mapping[str, str]) -> dict[str, Any]:
     return values
 
 
-def _made(model: type[_M], values: dict[str, Any]) -> _M:
+def _made(
+    model: type[_M], values: dict[str, Any], shown: Callable[[object], str] | None = None
+) -> _M:
     own = {name: values.pop(name) for name in model.model_fields if name in values}
     try:
         return model.model_validate(own)
     except ValidationError as error:
-        raise OptionError(problems(error, _outside)) from None
+        raise OptionError(problems(error, shown or _outside)) from None
 
 
 def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
@@ -215,6 +217,11 @@ def _is_argument(parameter: inspect.Parameter) -> bool:
 def _outside(name: object) -> str:
     """Return what a field is called on command lines, in files and in URLs."""
     return str(name).replace("_", "-")
+
+
+def _flag(name: object) -> str:
+    """Return what a field is called on the command line."""
+    return f"--{_outside(name)}"
 
 
 def _field_of(model: type[BaseModel], name: str) -> str:

@@ -75,7 +75,14 @@ class Registry:
                 found = importlib.import_module(module_name)
             for part in attribute.split("."):
                 found = getattr(found, part)
-        except (ImportError, AttributeError, SyntaxError, OSError, ValueError) as error:
+        except (
+            ImportError,
+            AttributeError,
+            SyntaxError,
+            OSError,
+            ValueError,
+            TypeError,  # of a module's name that begins with a dot
+        ) as error:
             what, why = printable(name, 200), printable(str(error), 300)
             raise RegistryError(f"cannot load the {self.kind} {what!r}: {why}") from error
         return found

@@ -3,32 +3,19 @@
 import logging
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from enum import StrEnum
-from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated
 
 import typer
 from khepera_protocol.options import takes
 from khepera_protocol.text import PrintableFormatter, printable
 
+from khepera_emulator.app.cli.arena_command import ArenaOptions, arenas
+from khepera_emulator.app.cli.replay_command import ReplayOptions, replay
 from khepera_emulator.app.ending import STATUS, Ending
 from khepera_emulator.app.options import LineOptions, ZenohOptions
-from khepera_emulator.arenas.arena import Arena, arena_names, load_arena
-from khepera_emulator.arenas.arena_text import arena_text
-from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.wire_log import ROBOT, Recording, read_log
-from khepera_emulator.models import KHEPERA, MODELS, Model, find_model
-from khepera_emulator.paths import check_output
 from khepera_emulator.robot.options import RobotOptions
-from khepera_emulator.routes.layout import Difficulty, Kind
-from khepera_emulator.routes.variants import with_own_colours
 from khepera_emulator.world.bullet import load_physics
-from khepera_emulator.world.floor_plan import FloorPlan
-from khepera_emulator.world.starts import check_starts
-
-_DIFFERENT: Final = 1
 
 _EXAMPLES = f"""[bold]Examples[/bold]
 
@@ -66,7 +53,7 @@ app = typer.Typer(
 
 
 class LogLevel(StrEnum):
-    """How much goes to the standard error output."""
+    """Least importance of what is logged to the standard error output."""
 
     DEBUG = "debug"
     INFO = "info"
@@ -96,172 +83,10 @@ def run(
     serve(robots, line, zenoh, ctx.find_object(Ending) or Ending(), _announce)
 
 
-@app.command(epilog="[cyan]khepera-emulator arenas --generate 7 --out runs/seven.toml[/cyan]")
-def arenas(
-    name: Annotated[
-        str | None, typer.Argument(help="An arena's name, or path of a TOML file; all if absent.")
-    ] = None,
-    generate: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            metavar="SEED",
-            help="Make one from a seed, in which 40 commands are possible without a collision.",
-        ),
-    ] = None,
-    kind: Annotated[
-        Kind | None, typer.Option(help="With --generate: what comes first.", show_default="by seed")
-    ] = None,
-    difficulty: Annotated[
-        Difficulty | None,
-        typer.Option(help="With --generate: how narrow, and how much.", show_default="by seed"),
-    ] = None,
-    own_colours: Annotated[
-        bool, typer.Option("--own-colours", help="Give every straight wall a colour of its own.")
-    ] = False,
-    draw: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Picture to draw the arena into: .png, .jpg, .svg or .pdf.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML file to write the arena into.")
-    ] = None,
-    model: Annotated[
-        str, typer.Option(help=f"Robot that must fit: {' or '.join(MODELS)}.")
-    ] = KHEPERA.name,
-) -> None:
-    """List the arenas that come with the emulator; or check, draw, vary or make one.
-
-    A named arena is checked as `run` checks it. What goes into no file is printed as TOML.
-    """
-    robot = find_model(model)
-    if out is not None:
-        check_output(out, (".toml",))
-    if generate is None and (kind or difficulty):
-        raise EmulatorError("--kind and --difficulty are for an arena that --generate makes")
-    if generate is not None:
-        from khepera_emulator.routes.generator import generate as make
-
-        if name is not None:
-            raise EmulatorError(
-                f"--generate makes an arena of its own: leave out {printable(name)}"
-            )
-        arena, text = make(generate, kind, difficulty, own_colours=own_colours)
-    elif not (draw or out or own_colours):
-        _list_arenas(arena_names() if name is None else [name], robot)
-        return
-    elif name is None:
-        raise EmulatorError(
-            "--draw, --out and --own-colours are for one arena: name it, or give the path of its"
-            " file"
-        )
-    else:
-        arena = _checked(name, robot)
-        arena = with_own_colours(arena) if own_colours else arena
-        text = arena_text(arena)
-    if out is not None:
-        _write(out, text)
-    if draw is not None:
-        from khepera_emulator.app.arena_picture import draw_arena
-
-        draw_arena(arena, draw, robot)
-    if not (out or draw):
-        typer.echo(text, nl=False)
-
-
-@app.command()
-def replay(
-    file: Annotated[Path, typer.Argument(help="A wire log, as `run --record` writes it.")],
-    port: Annotated[
-        str | None,
-        typer.Option(
-            metavar="URL",
-            help="Any pySerial port with a robot just switched on, such as /dev/ttyUSB0;"
-            " without it an emulated robot like the recorded one, in virtual time.",
-        ),
-    ] = None,
-    ignore: Annotated[
-        str,
-        typer.Option(
-            metavar="LETTERS",
-            help="Requests whose replies may have other values, such as N,O,E,H.",
-        ),
-    ] = "",
-) -> None:
-    """Play the requests of a wire log at their times, and compare the replies.
-
-    Exit status: 0 if all are equal, 1 at the first difference, which is printed, 2 if the log is
-    damaged: what stands before the damage is replayed all the same.
-    """
-    import serial
-
-    import khepera_emulator  # noqa: F401 - registers khepera://
-    from khepera_emulator.app.replay import Difference
-    from khepera_emulator.app.replay import replay as play
-
-    recording = read_log(file)
-    url = port or _recorded_robot(file, recording)
-    try:
-        with serial.serial_for_url(url, timeout=1.0) as line, _stopping(line):
-            result = play(recording, line, [word.strip() for word in ignore.split(",")])
-    except (OSError, ValueError) as error:
-        raise EmulatorError(f"cannot replay on {url}: {error}") from None
-    if isinstance(result, Difference):
-        typer.echo(str(result))
-        raise typer.Exit(_DIFFERENT)
-    typer.echo(f"{result} reply lines equal")
-    if recording.damage:
-        raise EmulatorError(f"{recording.damage}; only what stands before was replayed")
-
-
-@contextmanager
-def _stopping(line: Any) -> Iterator[None]:
-    """Leave a standing robot, whatever ends the replay; one in this process ends with it."""
-    try:
-        yield
-    finally:
-        if not hasattr(line, "emulator"):
-            with suppress(OSError):  # the port has failed
-                line.write(b"\nD,0,0\n")
-                line.flush()
-
-
-def _checked(name: str, model: Model) -> Arena:
-    """An arena in which robots of a model can start."""
-    arena = load_arena(name)
-    try:
-        check_starts(arena, model)
-    except EmulatorError as error:
-        raise EmulatorError(f"the arena {name!r}: {error}") from None
-    return arena
-
-
-def _recorded_robot(file: Path, recording: Recording) -> str:
-    """The robot that a log names. A file may name an emulated one, and no device or file."""
-    if not recording.url.startswith(ROBOT):
-        raise EmulatorError(
-            f"{file} names {recording.url[:100]!r} as its robot, which is no emulated one"
-            f" ({ROBOT}...); give --port to replay it on a port of your own"
-        )
-    return recording.url
-
-
-def _list_arenas(names: list[str], model: Model) -> None:
-    width = max(map(len, names))
-    for each in names:
-        arena = _checked(each, model)
-        (x0, y0), (x1, y1) = FloorPlan(arena).bounds()
-        typer.echo(f"{printable(each):{width}}  {x1 - x0:.2f} x {y1 - y0:.2f} m  {arena.title}")
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise EmulatorError(f"cannot write {path}: {error.strerror}") from None
+app.command(epilog="[cyan]khepera-emulator arenas --generate 7 --out runs/seven.toml[/cyan]")(
+    takes(ArenaOptions, config=False)(arenas)
+)
+app.command()(takes(ReplayOptions, config=False)(replay))
 
 
 def _announce(line: str) -> None:

@@ -54,7 +54,7 @@ class FacesRenderer:
         self._background = self._empty_atlas()
 
     def render(self, pose: Pose) -> Image:
-        """The atlas of the four faces, ahead, left, behind, right."""
+        """Return the atlas of the four faces, ahead, left, behind, right."""
         atlas = self._background.copy()
         for face in range(_FACES):
             azimuth = pose.heading + face * pi / 2
@@ -85,7 +85,7 @@ class FacesRenderer:
         return atlas
 
     def place(self, azimuth: Grid, elevation: Grid) -> tuple[Grid, Grid]:
-        """Column and row of directions in the atlas; see `Renderer.place`."""
+        """Return column and row of directions in the atlas; see `Renderer.place`."""
         face = np.floor(azimuth / (pi / 2) + 0.5)
         within = azimuth - face * (pi / 2)
         u = -np.tan(within)  # left of the axis is positive azimuth
@@ -97,7 +97,7 @@ class FacesRenderer:
         return column, np.clip(row, 0, self._rows - 1)
 
     def _empty_atlas(self) -> Image:
-        """The atlas of an empty arena: floor up to the horizon, sky above it."""
+        """Return the atlas of an empty arena: floor up to the horizon, sky above it."""
         arena = self._world.arena
         horizon = self._top / (self._top - self._bottom) * self._rows
         atlas = np.empty((self._rows, _FACES * self._size, 3), np.uint8)

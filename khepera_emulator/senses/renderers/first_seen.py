@@ -1,4 +1,4 @@
-"""What rays from one point meet first, and how much light the face that they meet gets."""
+"""Faces that rays from one point meet first, and the light that these get."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,7 +13,7 @@ _NEVER = 1e-200
 
 
 class Seen(NamedTuple):
-    """What each of N rays meets first.
+    """The face that each of N rays meets first.
 
     Attributes:
         distances: metres, infinite where nothing is.

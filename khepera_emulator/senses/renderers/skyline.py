@@ -68,7 +68,7 @@ class SkylineRenderer:
         self._middles = np.arange(_ROWS)[:, None] + 0.5
 
     def render(self, pose: Pose) -> Image:
-        """The atlas: from behind over left, ahead and right to behind again."""
+        """Return the atlas: from behind over left, ahead and right to behind again."""
         azimuth = self._bearings + pose.heading
         rays = np.stack([np.cos(azimuth), np.sin(azimuth)])
         distances, solids, lit = self._solids.look(pose.x, pose.y, rays)
@@ -91,21 +91,21 @@ class SkylineRenderer:
         return np.asarray(picture, dtype=np.uint8)
 
     def place(self, azimuth: Grid, elevation: Grid) -> tuple[Grid, Grid]:
-        """Column and row of directions in the atlas; see `Renderer.place`."""
+        """Return column and row of directions in the atlas; see `Renderer.place`."""
         column = (pi - azimuth) % (2 * pi) / (2 * pi) * _COLUMNS - 0.5
         row = (self._high - elevation) / self._row - 0.5
         return column, np.clip(row, 0, _ROWS - 1)
 
 
 def _pack(colours: NDArray[np.float32]) -> NDArray[np.uint32]:
-    """Colours of shape (..., 3) as one number each, which is quicker to choose from."""
+    """Return colours of shape (..., 3) as one number each, which is quicker to choose from."""
     four = np.zeros((*colours.shape[:-1], 4), np.uint8)
     four[..., :3] = colours
     return four.view(np.uint32)[..., 0]
 
 
 def suits(arena: Arena, height: float) -> bool:
-    """Whether everything in an arena stands still, is equally high, and higher than the eye."""
+    """Tell whether all in an arena stands still, is equally high, and higher than the eye."""
     heights = _heights(arena)
     plain = not (arena.lamp or arena.object) and len(heights) <= 1
     return plain and all(each > height for each in heights)

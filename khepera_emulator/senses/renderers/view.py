@@ -1,4 +1,4 @@
-"""What the camera needs of a renderer, and how both of them light what they draw."""
+"""The interface of a renderer, and the light that all of them draw by."""
 
 from math import hypot
 from typing import Protocol
@@ -14,22 +14,22 @@ Grid = NDArray[np.float64]
 """A value for each pixel of a picture."""
 
 LIGHT = (0.3, 0.5, 1.0)
-"""Where the light comes from."""
+"""Direction that the light comes from."""
 
 AMBIENT, DIFFUSE = 0.7, 0.3
 
 FLOOR_SHADE = AMBIENT + DIFFUSE * LIGHT[2] / hypot(*LIGHT)
-"""How bright the light makes a level floor."""
+"""Brightness of a level floor."""
 
 
 class Renderer(Protocol):
-    """Draws all that is around a point into one picture, its atlas."""
+    """Painter of all that is around a point, into one picture, its atlas."""
 
     def render(self, pose: Pose) -> Image:
-        """The atlas as seen by a camera on a robot at a pose."""
+        """Return the atlas as seen by a camera on a robot at a pose."""
 
     def place(self, azimuth: Grid, elevation: Grid) -> tuple[Grid, Grid]:
-        """Where in the atlas directions lie.
+        """Find where in the atlas directions lie.
 
         Args:
             azimuth: radians to the left of straight ahead.
@@ -41,10 +41,10 @@ class Renderer(Protocol):
 
 
 def floor_colour(share: tuple[float, float, float]) -> list[int]:
-    """Blue, green and red of a lit floor, as PyBullet makes them: a byte, and then a byte again."""
+    """Return blue, green and red of a lit floor, as PyBullet makes them: a byte, then again."""
     return [int(int(255 * part) * FLOOR_SHADE) for part in reversed(share)]
 
 
 def sky_colour(share: tuple[float, float, float]) -> list[int]:
-    """Blue, green and red of the sky, which needs no light."""
+    """Return blue, green and red of the sky, which needs no light."""
     return [round(255 * part) for part in reversed(share)]

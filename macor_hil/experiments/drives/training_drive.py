@@ -47,7 +47,8 @@ _KEPT_EVERY: Final = 4
 
 def _eyes_and_reactive() -> MindSettings:
     memories = ("transitions", "graded")
-    return MindSettings(memories={name: Part(name) for name in memories})
+    parts = {name: Part(name) for name in memories}
+    return MindSettings(eyes=Part("receptive-fields"), memories=parts)
 
 
 @dataclass(frozen=True)

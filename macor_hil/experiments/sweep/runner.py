@@ -70,7 +70,12 @@ def reproduce(
         chapters = [
             Chapter(
                 experiment,
-                _sweep(experiment, numbers[: experiment.most_seeds], workers, out, watch),
+                _with_others(
+                    [
+                        _sweep(each, numbers[: experiment.most_seeds], workers, out, watch)
+                        for each in (experiment, *experiment.also)
+                    ]
+                ),
             )
             for experiment in experiments
         ]
@@ -83,7 +88,7 @@ def _sweep(
     """Results of an experiment; those that are missing are made now."""
     settings = experiment.settings
     recordings = Recordings(out / "recordings", settings.drive)
-    uses = whereabouts(settings.drive.brain)
+    uses = whereabouts(settings.drive.brain, getattr(settings, "planners", ()))
     code = digest(experiment.trial, {settings.drive.arena, *settings.arenas}, uses)
     file = ResultsFile(out / "results", experiment.kept_as, settings, code)
     results = file.read()
@@ -104,6 +109,17 @@ def _sweep(
                 append_line(out / COSTS, _cost(f"{experiment.kept_as}: {part}", seed, spent))
         file.write(results)
     return {seed: results[seed] for seed in seeds}
+
+
+def _with_others(all_results: Sequence[Results]) -> Results:
+    """Return the first results, with the trials of the others beside their own."""
+    results, *others = all_results
+    for other in others:
+        results = {
+            seed: {**result, "trials": {**result["trials"], **other[seed]["trials"]}}
+            for seed, result in results.items()
+        }
+    return results
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What the wheels' counts mean: drive marked moves, measure where they ended, fit the wheels.
+"""Calibration of the wheels: drive marked moves, measure where they ended, fit the wheels.
 
 The moves are a straight line, UMBmark's square (Borenstein and Feng 1996) clockwise and
 counter-clockwise, and turns on the spot, several times each. A straight line tells the way of a
@@ -61,7 +61,7 @@ class Move:
 
     @property
     def places(self) -> tuple[Pose, ...]:
-        """Where it leads, from the mark on: its beginning, and the end of every leg."""
+        """Places from the mark on: the beginning, and the end of every leg."""
         poses = [_ORIGIN]
         for way, turn in self.legs:
             x, y, heading = poses[-1].x, poses[-1].y, poses[-1].heading
@@ -93,7 +93,7 @@ class Move:
 
 
 def moves(side: float) -> tuple[Move, ...]:
-    """A straight line and both squares, of a side in metres, and turns both ways round."""
+    """Plan a straight line and both squares, of a side in metres, and turns both ways round."""
     ways = (("clockwise", -1), ("counter-clockwise", 1))
     squares = [Move(f"square {n}", ((side, 0.0), (0.0, s * pi / 2)) * 4) for n, s in ways]
     turns = [Move(f"{_TURNS} turns {n}", ((0.0, s * _TURNS * 2 * pi),)) for n, s in ways]
@@ -118,7 +118,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What was found.
+    """Result of a calibration.
 
     Attributes:
         wheels: what counts mean.
@@ -158,14 +158,14 @@ def drive_move(driver: Driver, move: Move) -> tuple[Counters, ...]:
 
 
 def seen_from(start: Pose, end: Pose) -> tuple[float, float, float]:
-    """A pose as seen from another one: ahead, to the left, turned."""
+    """Return a pose as seen from another one: ahead, to the left, turned."""
     dx, dy = end.x - start.x, end.y - start.y
     c, s = cos(start.heading), sin(start.heading)
     return c * dx + s * dy, c * dy - s * dx, end.heading - start.heading
 
 
 Measure = Callable[[Move], End]
-"""Where a robot ended that has driven a move, seen from where it began."""
+"""Place where a robot ended that has driven a move, seen from where it began."""
 
 
 def drive_all(
@@ -198,7 +198,7 @@ def drive_all(
 
 
 def fit_wheels(runs: Sequence[Run], assumed: Wheels) -> Calibration:
-    """The wheels that explain where the runs ended.
+    """Fit the wheels that explain where the runs ended.
 
     Args:
         runs: at least one of every move.
@@ -234,7 +234,7 @@ def fit_wheels(runs: Sequence[Run], assumed: Wheels) -> Calibration:
 def _least_squares(
     runs: Sequence[Run], assumed: Wheels, lever: float, weights: Array
 ) -> tuple[Array, Array, Array]:
-    """Factors of left, right and base (Gauss-Newton); weighted residuals, and their slopes."""
+    """Fit factors of left, right and base (Gauss-Newton); also weighted residuals and slopes."""
     found = np.ones(3)
     for _ in range(_MOST_STEPS):
         rest = weights * _residuals(runs, _scaled(assumed, found), lever)
@@ -281,7 +281,7 @@ def _check_possible(wheels: Wheels) -> None:
 
 
 def _weights(runs: Sequence[Run], rest: Array) -> Array:
-    """One over the scatter of the same residual of the same move, from run to run."""
+    """Return the reciprocal scatter of the same residual of the same move, from run to run."""
     kinds = [(run.move, part) for run in runs for part in range(2 if run.end[2] is None else 3)]
     squares: dict[tuple[str, int], list[float]] = {}
     for kind, value in zip(kinds, rest, strict=True):
@@ -304,7 +304,7 @@ def _reckoned(run: Run, wheels: Wheels) -> Pose:
 
 
 def _residuals(runs: Sequence[Run], wheels: Wheels, lever: float) -> Array:
-    """Errors of all ends in metres; those of headings as they show at the lever's end."""
+    """Return errors of all ends in metres; those of headings as they show at the lever's end."""
     errors = []
     for run in runs:
         pose = _reckoned(run, wheels)

@@ -19,8 +19,8 @@ _MOST_BYTES: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """What is driven, and with what.
+class CalibrationPlan:
+    """A plan of moves, and the robot that drives them.
 
     Attributes:
         port: of the robot.
@@ -39,7 +39,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    course: Course
+    course: CalibrationPlan
     runs: Annotated[list[Run], Field(max_length=1000)]
 
 
@@ -62,7 +62,7 @@ class Measured:
         CalibrationError: the file that is there is of another course, or damaged.
     """
 
-    def __init__(self, profile: Path, course: Course) -> None:
+    def __init__(self, profile: Path, course: CalibrationPlan) -> None:
         self.path = measured_path(profile)
         self.runs: list[Run] = []
         self.course = course

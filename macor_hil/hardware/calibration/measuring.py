@@ -1,4 +1,4 @@
-"""Who puts a robot on its mark, and measures where it ended."""
+"""Ways of putting a robot on its mark, and of measuring where it ended."""
 
 from collections.abc import Callable
 from math import cos, radians, sin
@@ -19,7 +19,7 @@ class Ruler(Protocol):
         ...
 
     def measure(self, move: Move) -> End:
-        """Where the robot ended: metres ahead and to the left, radians if they are known."""
+        """Measure where the robot ended: metres ahead and to the left, radians if known."""
         ...
 
 
@@ -55,7 +55,7 @@ class BenchRuler:
             ) from None
 
     def measure(self, move: Move) -> End:
-        """The true pose."""
+        """Return the true pose."""
         del move
         return seen_from(self._start, self._bench.truth().pose)
 
@@ -110,7 +110,7 @@ def _end(answer: str) -> End:
 
 
 def _beside(middle: Pose, move: Move) -> Pose:
-    """The mark from which a move goes around a place."""
+    """Return the mark from which a move goes around a place."""
     xs, ys = ([getattr(place, axis) for place in move.places] for axis in "xy")
     x, y = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
     c, s = cos(middle.heading), sin(middle.heading)

@@ -1,4 +1,4 @@
-"""What a camera is."""
+"""The interface of cameras."""
 
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -28,7 +28,7 @@ class Camera(Protocol):
     live: bool
 
     def grab(self) -> Frame:
-        """A picture of this moment.
+        """Take a picture of this moment.
 
         Raises:
             CameraError: none came, or none that can be read.

@@ -139,7 +139,7 @@ def _reader(data: bytes) -> Callable[[bytes], tuple[int, int]]:
 
 
 def _png(data: bytes) -> tuple[int, int]:
-    """Width and height of a whole PNG."""
+    """Return the width and height of a whole PNG."""
     if data[8:16] != b"\0\0\0\x0dIHDR" or len(data) < 33:
         raise _RefusedError(_CUT)
     depth, colour = data[24], data[25]
@@ -163,7 +163,7 @@ def _png(data: bytes) -> tuple[int, int]:
 
 
 def _jpeg(data: bytes) -> tuple[int, int]:
-    """Width and height of a whole JPEG."""
+    """Return the width and height of a whole JPEG."""
     size, scans, at = None, 0, 2
     for _ in range(_MAX_PARTS):
         found = _MARKER.search(data, at)
@@ -202,7 +202,7 @@ def _jpeg_size(header: bytes) -> tuple[int, int]:
 
 
 def _bmp(data: bytes) -> tuple[int, int]:
-    """Width and height of a whole BMP without compression."""
+    """Return the width and height of a whole BMP without compression."""
     if len(data) < 54:
         raise _RefusedError(_CUT)
     start, header = (int.from_bytes(data[at : at + 4], "little") for at in (10, 14))

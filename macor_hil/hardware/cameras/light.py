@@ -13,7 +13,7 @@ from macor_hil.hardware.cameras.camera import Camera, Frame
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """What light and camera make of a picture; without any of it pictures stay as they are.
+    """Effects of light and camera on a picture; without any of it pictures stay as they are.
 
     Attributes:
         blue, green, red: what each channel is multiplied with.
@@ -68,7 +68,7 @@ class LitCamera:
         self._light = light
 
     def grab(self) -> Frame:
-        """A picture of this moment.
+        """Take a picture of this moment.
 
         Raises:
             CameraError: none came, or none that can be read.

@@ -1,4 +1,4 @@
-"""Where the mirror lies in a picture: its centre, its rim, and the rim of the camera in its middle.
+"""Search for the mirror in a picture: its centre, its rim, the rim of the camera in its middle.
 
 The mirror is taken to be the largest bright disc before something darker, with a dark disc (the
 camera's own reflection, or its hole) in its middle. Both rims are found on rays from the middle
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 def find_mirror(image: Image, shape: Mirror = Mirror()) -> Mirror:  # noqa: B008 - a value
-    """The mirror in a picture.
+    """Find the mirror in a picture.
 
     Args:
         image: a picture of the mirror, colour, of any size.
@@ -63,7 +63,7 @@ def find_mirror(image: Image, shape: Mirror = Mirror()) -> Mirror:  # noqa: B008
 
 
 def draw_mirror(image: Image, mirror: Mirror) -> Image:
-    """The picture with centre, both rims and straight ahead drawn into it, three times as large."""
+    """Draw centre, both rims and straight ahead into the picture, three times as large."""
     scale = 3
     drawn = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
 
@@ -80,7 +80,7 @@ def draw_mirror(image: Image, mirror: Mirror) -> Image:
 
 
 def _bright(image: Image) -> NDArray[np.bool_]:
-    """What is brighter than its surroundings, specks removed."""
+    """Return what is brighter than its surroundings, specks removed."""
     grey = cv2.medianBlur(np.ascontiguousarray(image.max(axis=-1)), 3)
     level, _ = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     # Otsu's level may lie amid what the mirror shows: between what is darkest of all and the bright

@@ -44,7 +44,7 @@ class Round(Generic[_A]):
         self._closed = False
 
     def add(self, source: str, answer: _A) -> None:
-        """A source has answered."""
+        """Take the answer of a source."""
         if source in self.answers or len(self.answers) >= _MOST:
             return
         self.answers[source] = answer
@@ -53,7 +53,7 @@ class Round(Generic[_A]):
         self._new.put(source)
 
     def refuse(self, source: str, why: str) -> None:
-        """A source has answered with an error."""
+        """Take the error that a source has answered with."""
         if len(self.refusals) < _MOST:
             self.refusals[source] = why
             self._new.put(source)
@@ -72,7 +72,7 @@ class Round(Generic[_A]):
         return not self._closed
 
     def call_strangers(self, strangers: set[str], source: str) -> None:
-        """The source has answered: all others, now and later, are strangers."""
+        """Take all others than the source, now and later, for strangers."""
         self._strangers = strangers
         strangers.update(other for other in tuple(self.answers) if other != source)
 
@@ -116,7 +116,7 @@ class OneSource(Generic[_A]):
         raise self._refused(answers.refusals[self.chosen])
 
     def _follow(self, answers: Round[_A]) -> _A | None:
-        """The answer of who comes after a source that has gone."""
+        """Choose who comes after a source that has gone."""
         others = set(answers.answers) - self._strangers
         if not others:
             return None
@@ -130,7 +130,7 @@ class OneSource(Generic[_A]):
         )
 
     def _choose(self, answers: Round[_A]) -> _A | None:
-        """The answer of the only one that answers, who is the source from now on."""
+        """Choose the only one that answers, who is the source from now on."""
         known = set(answers.answers) - self._strangers
         if len(known) > 1:
             raise CameraSourceError(

@@ -17,18 +17,18 @@ _SILENCE: Final = 2.0
 
 
 class Capture(Protocol):
-    """What is used of OpenCV's VideoCapture."""
+    """Methods that are used of OpenCV's VideoCapture."""
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """Whether pictures may come."""
+        """Return True if pictures may come."""
         ...
 
     def read(self) -> tuple[bool, Any]:
-        """Whether a picture came, and the picture."""
+        """Return whether a picture came, and the picture."""
         ...
 
     def get(self, prop: int) -> float:
-        """A property by OpenCV's number."""
+        """Return a property by OpenCV's number."""
         ...
 
     def release(self) -> None:

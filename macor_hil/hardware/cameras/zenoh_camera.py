@@ -24,7 +24,7 @@ _PAUSE: Final = 0.05
 _LONGEST_STAMP: Final = 1000
 _LONGEST_REASON: Final = 200
 _TIMEOUT: Final = b"Timeout"
-"""What Zenoh says in the name of a source that has not answered in time."""
+"""Error of Zenoh for a source that has not answered in time."""
 
 
 def open_zenoh_camera(session: zenoh.Session, robot: str, source: str = "") -> "ZenohCamera":
@@ -53,7 +53,7 @@ class ZenohCamera:
         self._subscriber: zenoh.Subscriber[None] | None = None
 
     def grab(self) -> Frame:
-        """A picture of the moment at which the query reaches the camera, or the next published."""
+        """Take a picture of the moment at which the camera is asked, or the next one published."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() <= end:
             try:
@@ -76,7 +76,7 @@ class ZenohCamera:
             self._subscriber = None
 
     def _next(self) -> zenoh.Sample | None:
-        """The source's next picture; None if none comes soon."""
+        """Take the source's next picture; None if none comes soon."""
         if self._answers is not False and (sample := self._ask()):
             self._answers = True
             self.close()  # it need not publish for us
@@ -90,7 +90,7 @@ class ZenohCamera:
         return sample
 
     def _ask(self) -> zenoh.Sample | None:
-        """The answer of the source."""
+        """Ask the source for a picture."""
         answers: Round[zenoh.Sample] = Round()
 
         def take(reply: zenoh.Reply) -> None:
@@ -114,7 +114,7 @@ class ZenohCamera:
         return self._source.pick(answers, PATIENCE)
 
     def _hear(self) -> zenoh.Sample | None:
-        """The next picture that is published, by a source that answers no queries."""
+        """Wait for the next picture that is published, by a source that answers no queries."""
         self._heard = Round()
         if self._subscriber is None:
             self._subscriber = self._session.declare_subscriber(self._key, self._take)

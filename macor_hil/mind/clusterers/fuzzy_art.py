@@ -96,7 +96,7 @@ class FuzzyArt:
         return Resonance(k, False, float(overlap[k] / self.features))
 
     def distances(self, x: Array) -> Array:
-        """How far an input lies outside each node's box, |w_k| - |I ^ w_k|, shape (size,)."""
+        """Return an input's distance from each node's box, |w_k| - |I ^ w_k|, shape (size,)."""
         coded = np.concatenate([x, 1.0 - x])
         overlap: Array = np.minimum(coded, self.weights).sum(axis=1)
         return self._sums[: self.size] - overlap

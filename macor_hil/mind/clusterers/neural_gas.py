@@ -32,7 +32,7 @@ _NEGLIGIBLE = 9.0
 
 @dataclass(frozen=True, slots=True)
 class Annealing:
-    """How learning rate and radius fall.
+    """Schedule of learning rate and radius.
 
     Attributes:
         rate: epsilon at the first and the last step.
@@ -45,7 +45,7 @@ class Annealing:
     steps: int = 65_500
 
     def at(self, t: int) -> tuple[float, float]:
-        """Epsilon and lambda after t steps."""
+        """Return epsilon and lambda after t steps."""
         done = min(t / self.steps, 1.0)
         first, last = self.rate
         widest, narrowest = self.radius
@@ -103,7 +103,7 @@ class NeuralGas:
         return Resonance(nearest, True, match)
 
     def centres(self) -> Array:
-        """The weights: a node is a point, shape (n, M)."""
+        """Return the weights: a node is a point, shape (n, M)."""
         return self._weights
 
     def state(self) -> State:
@@ -130,7 +130,7 @@ class NeuralGas:
 
 @dataclass(frozen=True, slots=True)
 class Breadth:
-    """What the breadth search tries: every combination of these values.
+    """Values of the breadth search, which tries every combination.
 
     Attributes:
         rate_first, rate_last: epsilon at the first and the last step.
@@ -143,7 +143,7 @@ class Breadth:
     radius_last: tuple[float, ...] = (0.1,)
 
     def annealings(self, steps: int) -> list[Annealing]:
-        """All combinations, for a training of a number of steps."""
+        """Return all combinations, for a training of a number of steps."""
         rates = product(self.rate_first, self.rate_last)
         radii = product(self.radius_first, self.radius_last)
         return [Annealing(rate, radius, steps) for rate, radius in product(rates, radii)]
@@ -152,7 +152,7 @@ class Breadth:
 def trained(
     inputs: Array, nodes: int, annealing: Annealing, presentations: int = 1, seed: int = 0
 ) -> NeuralGas:
-    """A Neural Gas after so many presentations of inputs of shape (T, M)."""
+    """Train a Neural Gas by so many presentations of inputs of shape (T, M)."""
     gas = NeuralGas(inputs.shape[1], nodes, annealing, seed)
     for _ in range(presentations):
         for x in inputs:
@@ -167,7 +167,7 @@ def search(
     presentations: int = 1,
     seed: int = 0,
 ) -> Annealing:
-    """Breadth search: the annealing that ends with the smallest mean clusterer error.
+    """Search for the annealing that ends with the smallest mean clusterer error.
 
     Args:
         inputs: data set, shape (T, M).

@@ -1,6 +1,6 @@
 """The interface of eyes."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from khepera_protocol.mirror import Mirror
 
@@ -67,5 +67,27 @@ class Eyes(Protocol):
 
         Raises:
             ValueError, KeyError: it does not fit these eyes.
+        """
+        ...
+
+
+@runtime_checkable
+class FloorSeeing(Protocol):
+    """Eyes that also tell where the floor ends, in so many directions.
+
+    Attributes:
+        directions: evenly around the robot, the first one behind its left side, clockwise.
+    """
+
+    directions: int
+
+    def floor(self, raw: Array) -> Array:
+        """Return the inverse distance of the floor's end in each direction.
+
+        Args:
+            raw: untuned features, shape (..., R).
+
+        Returns:
+            Shape (..., directions), in units of the camera's inverse height above the floor.
         """
         ...

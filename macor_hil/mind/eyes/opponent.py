@@ -19,7 +19,7 @@ _NEUTRAL = np.array([0.0, 0.5, 0.5])
 
 
 def opponent_colours(colours: NDArray[Any]) -> NDArray[np.float64]:
-    """The three opponent channels of colours in OpenCV's order, 0 to 255.
+    """Return the three opponent channels of colours in OpenCV's order, 0 to 255.
 
     Args:
         colours: blue, green and red on the last axis, shape (..., 3).

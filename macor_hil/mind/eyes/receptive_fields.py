@@ -43,14 +43,14 @@ class ReceptiveFields:
         return self.sectors * len(CHANNELS)
 
     def raw(self, panorama: Image) -> Array:
-        """Mean of each channel in each field, untuned: shape (sectors * 3,)."""
+        """Return the mean of each channel in each field, untuned: shape (sectors * 3,)."""
         # both steps are linear: averaging over elevation first leaves little to transform
         columns = opponent_colours(panorama.mean(axis=0))
         means: Array = (_profiles(self.sectors, len(columns), self.width) @ columns).ravel()
         return means
 
     def __call__(self, panorama: Image) -> Array:
-        """The features x of a panorama."""
+        """Return the features x of a panorama."""
         return self.tune(self.raw(panorama))
 
     def tune(self, raw: Array) -> Array:
@@ -60,12 +60,12 @@ class ReceptiveFields:
         return tuned
 
     def mirrored(self, features: Array) -> Array:
-        """What the mirror image of the world would give: shape (..., sectors * 3), as given."""
+        """Return features of the mirror image of the world: shape (..., sectors * 3), as given."""
         fields = features.reshape(*features.shape[:-1], self.sectors, len(CHANNELS))
         return fields[..., ::-1, :].reshape(features.shape)
 
     def tuned_to(self, raw: Array) -> "ReceptiveFields":
-        """The same fields, tuned to the range of recorded raw features, shape (frames, M)."""
+        """Return the same fields tuned to the range of recorded raw features, shape (frames, M)."""
         channels = raw.reshape(-1, len(CHANNELS))
         low, high = np.percentile(channels, RANGE_PERCENTILES, axis=0)
         # a channel without any contrast says nothing: leave it flat instead of amplifying noise
@@ -76,7 +76,7 @@ class ReceptiveFields:
 
 @lru_cache(maxsize=8)
 def _profiles(sectors: int, columns: int, width: float) -> Array:
-    """Weight of every column of the panorama in every field, shape (sectors, columns)."""
+    """Return the weight of each column of the panorama in each field, shape (sectors, columns)."""
     centres = (np.arange(sectors) + 0.5) / sectors
     places = (np.arange(columns) + 0.5) / columns
     apart = (places - centres[:, None] + 0.5) % 1.0 - 0.5

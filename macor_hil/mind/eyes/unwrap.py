@@ -41,7 +41,7 @@ class Unwrapper:
         self._maps = cv2.convertMaps(x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2)
 
     def __call__(self, image: Image) -> Image:
-        """The panorama of a mirror image, top row at the highest elevation.
+        """Return the panorama of a mirror image, top row at the highest elevation.
 
         Raises:
             CameraError: the picture has another size than the mirror's geometry says.

@@ -1,4 +1,4 @@
-"""What commands lead to, in counts that are shared out among graded situations.
+"""Outcomes of commands, in counts that are shared out among graded situations.
 
 Beside the paper's map: the same 50 situations, but an experience counts for every situation as much
 as the robot was in it (`clustering.membership`). How a situation was entered does not count.

@@ -12,8 +12,9 @@ class Memory(Protocol):
     """Learn from experience, and keep what planners read.
 
     A class of memories is made with those of the keywords `nodes` (n, the most situations),
-    `commands` (m), `features` (M) and `mirrored` (see `Eyes.mirrored`) that its constructor has.
-    All its other parameters are settings, with defaults.
+    `commands` (m), `features` (M), `mirrored` (see `Eyes.mirrored`) and `directions` (see
+    `FloorSeeing`; 0: the eyes do not tell) that its constructor has. All its other parameters are
+    settings, with defaults.
     """
 
     def tune(self, x: Array, rng: np.random.Generator) -> None:

@@ -25,7 +25,7 @@ _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
 
 
 def memberships(distances: Array, width: float = WIDTH) -> Array:
-    """Memberships of one input by its distances, both of shape (n,); they sum to 1."""
+    """Return the memberships of one input by its distances, both of shape (n,); they sum to 1."""
     shares = np.exp((distances.min() - distances) / width)
     normed: Array = shares / shares.sum()
     return normed
@@ -44,7 +44,7 @@ class Prototypes:
     width: float = WIDTH
 
     def memberships(self, x: Array) -> Array:
-        """How much an input of shape (M,) belongs to each prototype, shape (n,)."""
+        """Return how much an input of shape (M,) belongs to each prototype, shape (n,)."""
         return memberships(np.abs(self.centres - x).sum(axis=1), self.width)
 
 

@@ -61,7 +61,7 @@ class QMap(SensorimotorMap):
         self._followers.setdefault(j, set()).add(i)
 
     def _best_after(self, i: int) -> float:
-        """Equation 4: the best evaluation of a transition that has followed i."""
+        """Return the best evaluation of a transition that has followed i (equation 4)."""
         return max((self.evaluation(i, k) for k in self._followers.get(i, ())), default=0.0)
 
     def load(self, state: State) -> None:

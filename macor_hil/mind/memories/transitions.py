@@ -31,7 +31,7 @@ class Competence:
     w_max: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
 
     def __call__(self, z: Indices | np.int64) -> Array:
-        """w^c of transitions adapted z times; 0 for those that never occurred.
+        """Return w^c of transitions adapted z times; 0 for those that never occurred.
 
         The printed exponent has the other sign; the text (a weight "can quickly reach a maximum
         value") decides.
@@ -59,7 +59,7 @@ class Transitions(NamedTuple):
     first: Indices
 
     def after(self, j: int) -> slice:
-        """Where the transitions that begin at a neuron lie."""
+        """Return the places of the transitions that begin at a neuron."""
         return slice(int(self.first[j]), int(self.first[j + 1]))
 
 
@@ -91,7 +91,7 @@ class SensorimotorMap:
         self._sorted: Transitions | None = None
 
     def __len__(self) -> int:
-        """Number of transitions that occurred."""
+        """Return the number of transitions that occurred."""
         return len(self._rows)
 
     @property
@@ -123,7 +123,7 @@ class SensorimotorMap:
         self._sorted = None
 
     def evaluation(self, j: int, i: int) -> float:
-        """w^r_ij of a transition that occurred.
+        """Return w^r_ij of a transition that occurred.
 
         Raises:
             KeyError: it never did.
@@ -138,7 +138,7 @@ class SensorimotorMap:
         self._since = [0] * len(self._since)
 
     def transitions(self) -> Transitions:
-        """All transitions, as arrays; made once and kept until something is learned."""
+        """Return all transitions, as arrays; made once and kept until something is learned."""
         if self._sorted is None:
             pairs = np.array(list(self._rows), dtype=np.int64).reshape(-1, 2)
             order = np.lexsort((pairs[:, 1], pairs[:, 0]))

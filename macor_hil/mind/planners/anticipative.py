@@ -64,7 +64,7 @@ class Anticipative:
         )
 
     def _spread(self, known: Transitions, start: int) -> tuple[Array, int]:
-        """Equation 5: greatest activity of every neuron, and the wave steps it took."""
+        """Return the greatest activity of every neuron, and the wave steps it took (equation 5)."""
         y_a = np.zeros(len(known.first) - 1)
         y_a[start] = 1.0
         front: Indices = np.array([start])
@@ -83,7 +83,7 @@ class Anticipative:
 
 
 def _edges_after(known: Transitions, front: Indices) -> Indices:
-    """Places of all transitions that begin at some neurons."""
+    """Return the places of all transitions that begin at some neurons."""
     begin, counts = known.first[front], known.first[front + 1] - known.first[front]
     ends = np.cumsum(counts)
     places: Indices = np.arange(ends[-1]) + np.repeat(begin - ends + counts, counts)
@@ -93,7 +93,7 @@ def _edges_after(known: Transitions, front: Indices) -> Indices:
 def _run_back(
     known: Transitions, y_a: Array, start: int
 ) -> tuple[list[tuple[int, float]], dict[int, int]]:
-    """Equation 6: the direct successors of the start with their worth, and the best links."""
+    """Return direct successors of the start with their worth, and the best links (equation 6)."""
     hangs = known.w_c * y_a[known.past] == y_a[known.present]
     links = np.flatnonzero(hangs & (y_a[known.present] > 0.0) & (known.present != start))
     # from the weakest neuron to the strongest: each is complete before it hands on
@@ -119,7 +119,7 @@ def _run_back(
 
 
 def _sequence(first: int, successor: dict[int, int]) -> tuple[int, ...]:
-    """A neuron and its best continuation; empty for none (-1)."""
+    """Return a neuron and its best continuation; empty for none (-1)."""
     neurons: list[int] = []
     following: int | None = first if first >= 0 else None
     while following is not None:

@@ -74,7 +74,7 @@ class Expected:
 
 
 def _likeliest(chance: Array, q: Array, tried: Mask, node: int, a: int) -> tuple[int, ...]:
-    """The likeliest sequence that begins with a command and goes on with the best ones.
+    """Return the likeliest sequence that begins with a command and goes on with the best ones.
 
     Given as neurons, to the first repetition.
     """
@@ -91,7 +91,7 @@ def _likeliest(chance: Array, q: Array, tried: Mask, node: int, a: int) -> tuple
 
 
 def pooled_outcomes(memory: SensorimotorMap) -> tuple[Array, Array]:
-    """Outcomes of each command in each situation.
+    """Return the outcomes of each command in each situation.
 
     Returns:
         p(k' | k, a), zero where the command was never tried, and the mean reinforcement of that

@@ -82,7 +82,7 @@ class Graded:
 
 
 def _course(graded: GradedMap, chance: Array, q: Array, b: Array, a: int) -> tuple[int, ...]:
-    """Where a command and then the best ones lead: the strongest situations, as neurons."""
+    """Follow a command and then the best ones: the strongest situations, as neurons."""
     neurons: list[int] = []
     while len(neurons) < _LONGEST:
         b = b @ chance[:, a]

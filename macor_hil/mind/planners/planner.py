@@ -1,4 +1,4 @@
-"""What every planner takes and gives."""
+"""The interface of planners."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ class Planner(Protocol):
 
 
 def ranked(hypotheses: Iterable[Hypothesis], commands: int) -> tuple[Hypothesis, ...]:
-    """Hypotheses from the best to the worst; at a tie as `best_command`, then as given."""
+    """Sort hypotheses from the best to the worst; at a tie as `best_command`, then as given."""
 
     def rank(hypothesis: Hypothesis) -> tuple[float, int]:
         return -hypothesis.evaluation, hypothesis.neurons[0] % commands
@@ -75,7 +75,7 @@ def ranked(hypotheses: Iterable[Hypothesis], commands: int) -> tuple[Hypothesis,
 def best_ends(
     weighed: Iterable[tuple[int, float]], commands: int
 ) -> tuple[list[float | None], list[int]]:
-    """What each command is worth at best, and the neuron that it then leads to (None and -1: none).
+    """Return each command's best value, and the neuron that it leads to (None and -1: none).
 
     Args:
         weighed: neurons that can follow, each with what that is worth; the first one wins a tie.
@@ -91,6 +91,6 @@ def best_ends(
 
 
 def best_command(evaluations: tuple[float | None, ...]) -> int | None:
-    """The command of the greatest evaluation, the first one at a tie."""
+    """Return the command of the greatest evaluation, the first one at a tie."""
     known = [(value, -a) for a, value in enumerate(evaluations) if value is not None]
     return -max(known)[1] if known else None

@@ -77,9 +77,10 @@ class TurretKind:
     source: str
 
 
-def _kind(
+def turret_kind(
     name: str, title: str, number: int | None, source: str, *messages: TurretMessage
 ) -> TurretKind:
+    """Make a kind of turret from its messages; see `TurretKind` for the arguments."""
     by_letter = MappingProxyType({message.letter: message for message in messages})
     return TurretKind(name, title, number, by_letter, source)
 
@@ -100,7 +101,7 @@ def _starts(count: int) -> Field:
 _VERSION = TurretMessage("B", "Read software version", (), (_byte("version"), _byte("revision")))
 _PIXEL = Field("pixel", 0, PIXELS)
 
-_GRIPPER = _kind(
+_GRIPPER = turret_kind(
     "gripper",
     "Gripper: an arm with two fingers",
     1,
@@ -119,7 +120,7 @@ _GRIPPER = _kind(
     TurretMessage("J", "Read jumpers", (), (_byte("jumpers"),)),
 )
 
-_K213 = _kind(
+_K213 = turret_kind(
     "k213",
     "K213 linear vision: 64 grey pixels over 36 degrees",
     2,
@@ -137,7 +138,7 @@ _K213 = _kind(
     TurretMessage("U", "Set reading period", (Field("code", 0, len(READING_PERIODS) - 1),)),
 )
 
-_RADIO = _kind(
+_RADIO = turret_kind(
     "radio",
     "Radio: 16 bytes from robot to robot",
     4,
@@ -157,7 +158,7 @@ _RADIO = _kind(
     ),
 )
 
-_GENERAL_IO = _kind(
+_GENERAL_IO = turret_kind(
     "general-io",
     "General I/O: a byte in, a byte out, three analogue inputs",
     None,

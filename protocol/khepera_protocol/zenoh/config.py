@@ -9,6 +9,12 @@ import json
 from collections.abc import Sequence
 from typing import Final
 
+DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+"""The emulator's Zenoh endpoint: on this machine only."""
+
+CONTROLLER_ENDPOINT: Final = "tcp/127.0.0.1:7448"
+"""The controller's Zenoh endpoint: on this machine only."""
+
 MOST_MESSAGE: Final = 16_000_000
 """Bytes of the longest message that is received; Zenoh drops longer ones as they come."""
 

@@ -21,12 +21,6 @@ from khepera_protocol.zenoh.payload_model import (
     Title,
 )
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-"""The emulator's Zenoh endpoint: on this machine only."""
-
-CONTROLLER_ENDPOINT = "tcp/127.0.0.1:7448"
-"""The controller's Zenoh endpoint: on this machine only."""
-
 MOST_SOLIDS: Final = 2_000
 """Solids of an outline."""
 

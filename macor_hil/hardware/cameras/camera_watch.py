@@ -52,7 +52,7 @@ class CameraWatch:
         self._wake.put(None)
 
     def guard(self) -> None:
-        """The robot is driving: see that the camera works.
+        """See that the camera works while the robot drives.
 
         Raises:
             CameraError: it does not, or nobody watches it any more.

@@ -34,7 +34,7 @@ _BRIGHTEST: Final = 99.0
 
 @dataclass(frozen=True, slots=True)
 class PictureLimits:
-    """What a picture must be like.
+    """Limits that a picture must keep.
 
     Attributes:
         size: width and height in pixels; None: any.
@@ -86,7 +86,7 @@ class CheckedCamera:
         self._same = 0
 
     def grab(self) -> Frame:
-        """A picture of this moment.
+        """Take a picture of this moment.
 
         Raises:
             CameraError: none came, or one that tells nothing of this moment.
@@ -176,7 +176,7 @@ def check_light(image: Image, limits: PictureLimits) -> None:
 
 @lru_cache(maxsize=8)
 def _in_the_mirror(mirror: Mirror) -> NDArray[np.intp]:
-    """Indices of the pixels to look at: those of the mirror, without its blurred rims."""
+    """Return indices of the pixels to look at: those of the mirror, without its blurred rims."""
     rim = (mirror.outer - mirror.inner) / 16
     y, x = np.mgrid[0 : mirror.height : _STEP, 0 : mirror.width : _STEP]
     radius = np.hypot(x - mirror.centre_x, y - mirror.centre_y)

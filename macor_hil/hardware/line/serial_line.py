@@ -26,8 +26,8 @@ from macor_hil.errors import (
     SilenceError,
 )
 from macor_hil.hardware.address import PortAddress
-from macor_hil.hardware.descriptors import let_pyserial_poll
-from macor_hil.hardware.stale_links import left_behind
+from macor_hil.hardware.line.descriptors import let_pyserial_poll
+from macor_hil.hardware.line.stale_links import is_stale_link
 
 LONGEST_REPLY: Final = 64
 """Characters of a line after which its end is not waited for: that of K has 35 at most."""
@@ -40,7 +40,7 @@ QUIET: Final = 0.05
 """Seconds without a byte after which nothing more is taken to be on its way."""
 
 BANNER: Final = (b"ROM of minirobot", b"Serial Communication Protocol")
-"""How the lines begin that a Khepera says when it starts."""
+"""Beginnings of the lines that a Khepera says when it starts."""
 
 _BABBLE: Final = 1.0
 """Seconds for which bytes that nobody asked for are waited out."""
@@ -77,7 +77,7 @@ def open_port(address: str | PortAddress, baud: int = 9600) -> Any:
                 f" with: {how_to_install('emulator')}"
             ) from None
     let_pyserial_poll()
-    if left_behind(Path(url)):
+    if is_stale_link(Path(url)):
         raise LinkError(f"the emulator behind the link {url} has gone; start it again")
     options: dict[str, Any] = {"exclusive": True} if port.is_device else {}
     if not port.limits_writes:
@@ -223,19 +223,19 @@ def _failed(data: bytes, error: Exception) -> LinkError:
 
 @lru_cache(_REMEMBERED)
 def _framed(request: Request, baud: int) -> tuple[bytes, float]:
-    """Bytes of a request and its `time_limit`: programs send the same ones again and again."""
+    """Return bytes of a request and its `time_limit`: programs send the same ones repeatedly."""
     return request.encode(), time_limit(request, baud)
 
 
 def time_limit(request: Request, baud: int) -> float:
-    """Seconds within which the reply to a request must have come, from its first byte sent."""
+    """Return the seconds within which a reply must have come, from its request's first byte."""
     on_the_wire = wire_time(len(request.encode()) + longest_reply(request.letter), baud)
     return min(on_the_wire, _LONGEST_ON_THE_WIRE) + PATIENCE
 
 
 @cache
 def longest_reply(letter: str) -> int:
-    """Characters of the longest reply to a command, its line end included."""
+    """Return the characters of the longest reply to a command, its line end included."""
     command = COMMANDS[letter]
     if command.open_ended:
         return LONGEST_REPLY

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a meter has counted.
+    """Counts of a meter.
 
     Attributes:
         exchanges, failures: requests that were answered and that were not, so far.
@@ -35,7 +35,7 @@ class Meter:
         self._worst = 0.0
 
     def answered(self, seconds: float) -> None:
-        """A request was answered after a time."""
+        """Count a request that was answered after a time."""
         self.exchanges += 1
         self._recent += 1
         self._sum += seconds
@@ -43,11 +43,11 @@ class Meter:
             self._worst = seconds
 
     def failed(self) -> None:
-        """A request was not answered, or not as a Khepera does."""
+        """Count a request that was not answered, or not as a Khepera does."""
         self.failures += 1
 
     def read(self) -> Reading:
-        """What was counted; what is recent begins anew."""
+        """Return the counts; those of the recent past begin anew."""
         recent, mean = self._recent, self._sum / max(1, self._recent)
         reading = Reading(self.exchanges, self.failures, recent, mean, self._worst)
         self._recent, self._sum, self._worst = 0, 0.0, 0.0

@@ -12,8 +12,8 @@ _MOST_LINKS: Final = 40
 """Links that lead to each other, as many as Linux follows."""
 
 
-def left_behind(path: Path) -> bool:
-    """Whether a path leads over a link of an emulator that has ended without taking it away.
+def is_stale_link(path: Path) -> bool:
+    """Return True if a path leads over a link of an emulator that ended without removing it.
 
     The number of a terminal goes to whoever asks for one next: behind such a link may be another
     robot, or somebody's shell.
@@ -29,7 +29,7 @@ def left_behind(path: Path) -> bool:
 
 
 def _holder_is_gone(path: Path) -> bool:
-    """Whether there is an emulator's lock that nobody holds."""
+    """Return True if there is an emulator's lock that nobody holds."""
     try:
         lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:

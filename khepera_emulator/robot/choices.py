@@ -22,7 +22,7 @@ _VERSIONS: Final = ("bios", "protocol", "rom_revision")
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """How one robot's firmware behaves where sources differ or are silent.
+    """Behaviour of one robot's firmware where sources differ or are silent.
 
     Texts that are empty stand for the model's own.
 
@@ -58,7 +58,7 @@ class Choices:
 
 
 def option_names() -> list[str]:
-    """What the switches are called outside."""
+    """List the names of the switches, as users write them."""
     return [field.name.replace("_", "-") for field in fields(Choices)]
 
 

@@ -1,0 +1,1 @@
+"""The serial line to a robot: opened, read and written, with its statistics."""

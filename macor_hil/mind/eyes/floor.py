@@ -1,0 +1,60 @@
+"""Receptive fields and, beside them, where the floor ends in every direction."""
+
+from typing import Annotated
+
+import numpy as np
+from khepera_protocol.mirror import Mirror
+from pydantic import Field
+
+from macor_hil.arrays import Array, Image
+from macor_hil.mind.eyes.floor_profile import floor_profile
+from macor_hil.mind.eyes.panorama import PanoramaEyes
+from macor_hil.mind.eyes.unwrap import PanoramaSize
+
+
+class FloorEyes(PanoramaEyes):
+    """Receptive fields as features, and a profile of the floor for those who plan ways on it.
+
+    The untuned features are those of `PanoramaEyes`, followed by the profile: whatever records
+    untuned features records both.
+
+    Args:
+        mirror: see `PanoramaEyes`.
+        sectors: see `PanoramaEyes`.
+        panorama: see `PanoramaEyes`.
+        contrast: see `floor_profile`; six times the noise of the emulated camera's panorama.
+    """
+
+    def __init__(
+        self,
+        mirror: Mirror,
+        sectors: Annotated[int, Field(ge=1, le=120)] = 12,
+        panorama: PanoramaSize = PanoramaSize(),  # noqa: B008 - a value
+        contrast: Annotated[float, Field(ge=1.0, le=255.0)] = 9.0,
+    ) -> None:
+        super().__init__(mirror, sectors, panorama)
+        self.directions = panorama.columns
+        self._contrast = contrast
+
+    @property
+    def raw_size(self) -> int:
+        """Number of untuned features R: one for each feature, and the profile."""
+        return self.size + self.directions
+
+    def look(self, image: Image) -> Array:
+        """Return the untuned features of a picture, and the profile of its floor."""
+        panorama = self.unwrap(image)
+        profile = floor_profile(panorama, self.mirror, self._contrast)
+        return np.concatenate([self.fields.raw(panorama), profile])
+
+    def tuned(self, raw: Array) -> Array:
+        """Stretch raw means to the tuned range; the profile is no feature."""
+        return super().tuned(raw[..., : self.size])
+
+    def tune(self, raw: Array) -> None:
+        """Tune the range of each channel to what was seen."""
+        super().tune(raw[..., : self.size])
+
+    def floor(self, raw: Array) -> Array:
+        """Return the profile among untuned features, shape (..., directions)."""
+        return raw[..., self.size :]

@@ -1,0 +1,77 @@
+"""The floor's end in every direction, seen in a panorama: a range scan by one camera.
+
+A mirror of known geometry, at a fixed height above a plain floor, sees what is at distance d under
+the depression atan(height / d). So the row in which a column's floor ends tells how far the robot
+could drive there, in units of the camera's height, which need not be known. Resolution is finest
+where it matters: about a millimetre at 10 cm, 3 mm at 30 cm.
+
+Limits: the floor has one colour, other than that of what stands on it by more than `contrast`
+in one channel; the lowest two rows of the panorama show the floor, and not the robot itself.
+"""
+
+from typing import Final
+
+import numpy as np
+from khepera_protocol.mirror import Mirror
+
+from macor_hil.arrays import Array, Image
+
+FARTHEST: Final = 25.0
+"""Heights of the camera beyond which all distances count as this one."""
+
+NEAREST: Final = 0.125
+"""Heights of the camera below which all distances count as this one."""
+
+_LOWEST: Final = 2
+"""Rows of the panorama that show the floor beside the robot."""
+
+
+def azimuths(columns: int) -> Array:
+    """Return the direction of each column in radians, to the left of straight ahead."""
+    directions: Array = np.pi - (np.arange(columns) + 0.5) * 2 * np.pi / columns
+    return directions
+
+
+def floor_profile(panorama: Image, mirror: Mirror, contrast: float) -> Array:
+    """Return the inverse distance of the floor's end in each column, shape (columns,).
+
+    From the lowest row up, the floor ends where two rows in a row look otherwise. Where within the
+    row follows from how far the colour has gone from the floor's to that of what stands there.
+
+    Args:
+        panorama: top row at the mirror's highest elevation.
+        mirror: elevations of the panorama's rows.
+        contrast: grey levels by which a channel differs from the floor's at least.
+    """
+    rows = len(panorama)
+    colours = panorama.astype(np.float32)
+    apart = colours - np.median(colours[-_LOWEST:].reshape(-1, 3), axis=0)
+    differs = np.abs(apart).max(axis=2) > contrast
+    ends = differs.copy()
+    ends[1:] &= differs[:-1]
+    ends[0] = False
+    row = rows - 1 - np.argmax(ends[::-1], axis=0)
+    edge = _within_row(apart, row)
+    elevation = mirror.high - edge * (mirror.high - mirror.low) / rows
+    depression = np.where(ends.any(axis=0), np.clip(-elevation, 0.0, np.pi / 2 - 1e-3), 0.0)
+    profile: Array = np.clip(np.tan(depression), 1 / FARTHEST, 1 / NEAREST)
+    return profile
+
+
+def _within_row(apart: Array, row: Array) -> Array:
+    """Return the place of an edge near a row of each column, as a fraction of rows from the top.
+
+    Args:
+        apart: difference of each pixel from the floor's colour, shape (rows, columns, 3).
+        row: lowest row of what stands there, shape (columns,).
+    """
+    rows, columns, _ = apart.shape
+    column = np.arange(columns)
+    solid = apart[np.maximum(row - 2, 0), column]
+    size = np.maximum((solid * solid).sum(axis=1), 1.0)
+    edge = row - 1.0
+    for at in (row - 1, row, row + 1, row + 2):
+        pixel = apart[np.clip(at, 0, rows - 1), column]
+        share = np.clip((pixel * solid).sum(axis=1) / size, 0.0, 1.0)
+        edge += np.where(at < rows, share, 1.0)
+    return edge
