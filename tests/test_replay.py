@@ -19,7 +19,6 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line import wire_log
 from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.line.wire_log import Entry, Recording, WireLog, read_log
-from khepera_emulator.ports.protocol_khepera import Serial
 from khepera_emulator.robot.options import robot_url
 
 URL = "khepera://corridor?seed=3"
@@ -54,7 +53,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "--no-zenoh", "--seed", "3", "--dead-man", "60", "--record", str(path), *options
     ) as running:
         for rate in (9600, 38400):
-            with Serial(running.path, rate, timeout=0.2) as port:
+            with serial.Serial(running.path, rate, timeout=0.2) as port:
                 for request in SESSION:
                     port.write(request)
                     port.read_until(b"\n")
@@ -96,7 +95,7 @@ class TestRecording:
         options = ("--baud", "unpaced", "--speed", "20")
         with emulator("--no-zenoh", "--seed", "3", "--record", str(path), *options) as running:
             for _ in range(2):
-                with Serial(running.path, timeout=PATIENCE) as port:
+                with serial.Serial(running.path, timeout=PATIENCE) as port:
                     # while it moves every millisecond counts
                     for request in (b"D,9,7\n", b"H\nE\n", b"C,50,90\n", b"K\nN\n") * 8:
                         port.write(request)
@@ -349,7 +348,7 @@ class TestCommand:
             log.reply(0.01, b"d\r\n")
         with emulator("--no-zenoh", "--baud", "unpaced") as running:
             assert self.run(monkeypatch, capfd, path, "--port", running.path)[0] == 0
-            with Serial(running.path, timeout=PATIENCE) as port:
+            with serial.Serial(running.path, timeout=PATIENCE) as port:
                 speeds = b""
                 while speeds != b"e,0,0\r\n":  # it rolls on a little
                     port.write(b"E\n")
@@ -422,7 +421,7 @@ class TestCommand:
         arena.write_text(MAZE)
         with (
             emulator("--no-zenoh", "--arena", str(arena), "--record", str(log)) as running,
-            Serial(running.path, timeout=PATIENCE) as port,
+            serial.Serial(running.path, timeout=PATIENCE) as port,
         ):
             port.write(b"B\n")
             assert port.readline() == VERSION
