@@ -78,13 +78,13 @@ class Tap:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.requests: list[bytes] = []
         self.speed = 0.0
-        self._port: Serial | None = None
+        self.opened: Serial | None = None
         self.meddle: Callable[[bytes], None] = lambda _: None
         self._monkeypatch = monkeypatch
         monkeypatch.setattr(macor_hil.hardware.devices, "open_port", self._open)
 
     def _open(self, url: PortAddress, baud: int) -> Serial:
-        self._port = port = as_type(Serial, open_port(url, baud))
+        self.opened = port = as_type(Serial, open_port(url, baud))
         write, close = port.write, port.close
 
         def tapped_write(data: bytes) -> int:
@@ -106,7 +106,7 @@ class Tap:
     @property
     def port(self) -> Serial:
         """The port, which has been opened."""
-        return not_none(self._port)
+        return not_none(self.opened)
 
     def speed_now(self) -> float:
         """Speed of the faster wheel, m/s."""
@@ -562,7 +562,7 @@ def test_what_cannot_be_used_is_named_before_anything_moves(
     endpoint = free_endpoint()
     with open_session([endpoint], []), pytest.raises(TelemetryError, match="already"):
         serve(changed(config, listen=(endpoint,)))
-    assert tap.port is None
+    assert tap.opened is None
 
 
 RUNNER = """
