@@ -97,7 +97,9 @@ def test_each_has_a_port_and_a_log_of_its_own(tmp_path: Path, scheme: str) -> No
         urls = [started.path, not_none(started.process.stdout).readline().split()[2]]
         assert [url.partition(":")[0] for url in urls] == [scheme] * 2
         with ExitStack() as stack:
-            first, second = (stack.enter_context(open_robot(url, timeout=PATIENCE)) for url in urls)
+            first, second = (
+                stack.enter_context(serial.serial_for_url(url, timeout=PATIENCE)) for url in urls
+            )
             assert ask(first, b"G,1,1\n") == b"g\r\n"
             assert ask(second, b"D,3,-3\n") == b"d\r\n"
             assert ask(first, b"H\n") == b"h,1,1\r\n"
