@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import serial
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from in_process import open_robot
 from khepera_protocol.options import OptionError
 from typer.testing import CliRunner
 
@@ -113,7 +113,7 @@ def test_the_header_of_a_log_is_as_ever() -> None:
 
 @pytest.mark.parametrize("url", ["khepera://corridor?baud=9600", "khepera://corridor?seed=007"])
 def test_urls_of_before_are_read(url: str) -> None:
-    with serial.serial_for_url(url, timeout=1) as port:
+    with open_robot(url, timeout=1) as port:
         port.write(b"B\n")
         assert port.readline() == b"b,5.01,5.00\r\n"
 
