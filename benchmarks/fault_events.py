@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 from fault_lines import end_of
 from fault_trainings import kept_through, lost_in_training
 from rig import Rig
+from router import Router
 
 
 class Event(NamedTuple):
@@ -100,8 +101,15 @@ EVENTS: Final = (
     Event("emulator stopped for 2 s (SIGSTOP)", _freeze, instead="its clock stood still"),
     Event("wall clock jumps by an hour", _nothing, trouble="clock jump"),
 )
+
+
+def _router(bench: Rig) -> Router:
+    assert bench.router is not None
+    return bench.router
+
+
 ROUTED: Final = Event(
     "router killed and restarted",
-    lambda bench: bench.router.kill(),
-    lambda bench: bench.router.start(),
+    lambda bench: _router(bench).kill(),
+    lambda bench: _router(bench).start(),
 )

@@ -14,7 +14,7 @@ from clustering import Presentations
 from figures import Bench, Figure
 from page import DOCS, report
 from peer import Peer
-from planning import Planning
+from planning_speed import Planning
 from rich.progress import track
 from serial_line import Exchanges, WireTime
 from simulation import Fleets, Simulation

@@ -6,7 +6,7 @@ from time import process_time
 
 import numpy as np
 from figures import Figure
-from planning import in_neuron
+from planning_speed import in_neuron
 from stopwatch import Part, Stopwatch
 
 from khepera_emulator.robot.robot import Robot

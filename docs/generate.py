@@ -3,21 +3,22 @@
 import sys
 from itertools import groupby
 from pathlib import Path
-from typing import get_args
+from typing import Final, get_args
 
 from khepera_protocol.options import parameters
 from khepera_protocol.serial.commands import COMMANDS, TOOLS, Beyond, Field
+from typer.core import TyperGroup
 from typer.main import get_command
 from typer.testing import CliRunner
 
-import khepera_emulator.app.cli
-import macor_hil.cli
+from khepera_emulator.app.cli.commands import app as emulator
 from khepera_emulator.robot.options import UrlOptions
+from macor_hil.cli.program import app as controller
 from macor_hil.telemetry.keys_page import keys_page
 
 DOCS = Path(__file__).parent
 
-PROGRAMS = {"macor-hil": macor_hil.cli.app, "khepera-emulator": khepera_emulator.app.cli.app}
+PROGRAMS: Final = {"macor-hil": controller, "khepera-emulator": emulator}
 
 _NARROW = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 
@@ -31,7 +32,9 @@ def commands_page() -> str:
     ]
     for name, app in PROGRAMS.items():
         lines += ["", f"## {name}", "", *_help(name)]
-        for command in get_command(app).commands:
+        group = get_command(app)
+        assert isinstance(group, TyperGroup)
+        for command in group.commands:
             lines += ["", f"### {name} {command}", "", *_help(name, command)]
     return "\n".join([*lines, *_url_options()]) + "\n"
 

@@ -9,7 +9,7 @@ most, from starts near the arena's own.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, SupportsFloat
 
 import gymnasium
 import numpy as np
@@ -19,6 +19,8 @@ ENVIRONMENT = "macor_hil.environment:khepera/Commands-v0"
 DISCOUNT = 0.9
 SWEEPS = 60
 RIDGE = 1.0
+
+Environment = gymnasium.Env[np.ndarray, np.int64]
 
 
 @dataclass
@@ -42,7 +44,7 @@ class Experience:
 class Policy:
     """Chooses the command of greatest value; values are linear in standardised features."""
 
-    def __init__(self, experience):
+    def __init__(self, experience: Experience) -> None:
         self._mean = experience.seen.mean(axis=0)
         self._scale = experience.seen.std(axis=0) + 1e-6
         before, after = self._inputs(experience.seen), self._inputs(experience.then)
@@ -53,24 +55,24 @@ class Policy:
             target = experience.reward + DISCOUNT * ~experience.over * best
             self._weights = np.array([_fit(before[c], target[c]) for c in chosen])
 
-    def __call__(self, seen):
+    def __call__(self, seen: np.ndarray) -> int:
         """Return the command for what is seen."""
         return int(np.argmax(self._weights @ self._inputs(seen)))
 
-    def _inputs(self, seen):
+    def _inputs(self, seen: np.ndarray) -> np.ndarray:
         standard = (seen - self._mean) / self._scale
         return np.concatenate([standard, np.ones((*standard.shape[:-1], 1))], axis=-1)
 
 
-def _fit(inputs, target):
+def _fit(inputs: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Weights of ridge regression."""
     square = inputs.T @ inputs + RIDGE * np.eye(inputs.shape[1])
     return np.linalg.solve(square, inputs.T @ target)
 
 
-def explore(env, seed, commands):
+def explore(env: Environment, seed: int, commands: int) -> Experience:
     """Drive random commands."""
-    rows = []
+    rows: list[tuple[np.ndarray, np.int64, SupportsFloat, np.ndarray, bool]] = []
     seen, _ = env.reset(seed=seed)
     env.action_space.seed(seed)
     for _ in range(commands):
@@ -81,13 +83,13 @@ def explore(env, seed, commands):
     return Experience(*map(np.array, zip(*rows, strict=True)))
 
 
-def drive(env, policy, seed):
+def drive(env: Environment, policy: Policy, seed: int) -> tuple[int, float, bool]:
     """Drive an episode: its commands, their total reinforcement, whether a collision ended it."""
     seen, _ = env.reset(seed=seed)
     total, commands, collided, cut = 0.0, 0, False, False
     while not (collided or cut):
-        seen, reward, collided, cut, _ = env.step(policy(seen))
-        total, commands = total + reward, commands + 1
+        seen, reward, collided, cut, _ = env.step(np.int64(policy(seen)))
+        total, commands = total + float(reward), commands + 1
     return commands, total, collided
 
 

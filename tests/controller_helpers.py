@@ -1,10 +1,13 @@
 """Helpers of the tests of service, telemetry and monitor."""
 
 import time
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from queue import SimpleQueue
+from typing import Any, TypeVar, overload
 
 import numpy as np
+import zenoh
 from emulator_process import PATIENCE, free_endpoint
 from khepera_protocol.zenoh.controller_payloads import (
     Ahead,
@@ -22,9 +25,12 @@ from macor_hil.hardware.cameras import Frame
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
 
+T = TypeVar("T")
+Samples = SimpleQueue[zenoh.Sample]
 
-def a_decision(sequence=0, **changes):
-    values = {
+
+def a_decision(sequence: int = 0, **changes: Any) -> Decision:
+    values: dict[str, Any] = {
         "time": 1.5 + sequence,
         "sequence": sequence,
         "frame_time": 0.5 + sequence,
@@ -55,8 +61,8 @@ def a_decision(sequence=0, **changes):
     return Decision(**{**values, **changes})
 
 
-def a_state(phase=Phase.DRIVING, **changes):
-    values = {
+def a_state(phase: Phase = Phase.DRIVING, **changes: Any) -> State:
+    values: dict[str, Any] = {
         "planner": "anticipative",
         "port": "khepera://corridor",
         "camera": "auto",
@@ -67,49 +73,82 @@ def a_state(phase=Phase.DRIVING, **changes):
     return State(phase=phase, **{**values, **changes})
 
 
-def a_frame(time=0.25):
+def a_frame(time: float = 0.25) -> Frame:
     return Frame(np.full((16, 16, 3), 128, dtype=np.uint8), time, 7)
 
 
 @contextmanager
-def publishing(endpoint, robot="khepera"):
+def publishing(endpoint: str, robot: str = "khepera") -> Iterator[tuple[zenoh.Session, Publisher]]:
     """A session that listens, and the publisher of a controller in it."""
     with open_session([endpoint], []) as session, Publisher(session, robot) as publisher:
         yield session, publisher
 
 
-@contextmanager
-def watching(endpoint, *keys):
+@overload
+def watching(endpoint: str, /) -> AbstractContextManager[tuple[zenoh.Session]]: ...
+
+
+@overload
+def watching(
+    endpoint: str, key: str, /
+) -> AbstractContextManager[tuple[zenoh.Session, Samples]]: ...
+
+
+@overload
+def watching(
+    endpoint: str, key: str, other: str, /
+) -> AbstractContextManager[tuple[zenoh.Session, Samples, Samples]]: ...
+
+
+@overload
+def watching(
+    endpoint: str, key: str, other: str, third: str, /
+) -> AbstractContextManager[tuple[zenoh.Session, Samples, Samples, Samples]]: ...
+
+
+def watching(endpoint: str, *keys: str) -> AbstractContextManager[Any]:
     """A session connected to an endpoint, and a queue of what comes on each key."""
+    return _watching(endpoint, *keys)
+
+
+@contextmanager
+def _watching(endpoint: str, *keys: str) -> Iterator[tuple[zenoh.Session, *tuple[Samples, ...]]]:
     with open_session([], [endpoint]) as session:
-        queues = [SimpleQueue() for _ in keys]
+        queues: list[Samples] = [SimpleQueue() for _ in keys]
         for key, queue in zip(keys, queues, strict=True):
             session.declare_subscriber(key, queue.put)
         yield session, *queues
 
 
-def receive(queue):
+def receive(queue: SimpleQueue[T]) -> T:
     """The next sample; an error when none comes."""
     return queue.get(timeout=PATIENCE)
 
 
-def wait_until_watched(session, *keys):
+def wait_until_watched(session: zenoh.Session, *keys: str) -> None:
     """Return when someone who will receive what this session puts listens on every key."""
     for key in keys:
         with session.declare_publisher(key) as probe:
-            matches = SimpleQueue()
+            matches: SimpleQueue[zenoh.MatchingStatus] = SimpleQueue()
             probe.declare_matching_listener(matches.put)
-            while not probe.matching_status.matching:
+            while not _matches(probe):
                 matches.get(timeout=PATIENCE)
 
 
-def ask(session, selector, payload=None):
+def _matches(probe: zenoh.Publisher) -> bool:
+    status: Any = probe.matching_status  # not a bool, as the library's stubs have it
+    return bool(status.matching)
+
+
+def ask(session: zenoh.Session, selector: str, payload: str | bytes | None = None) -> zenoh.Reply:
     """The only reply to a query."""
     (reply,) = session.get(selector, payload=payload, timeout=PATIENCE)
     return reply
 
 
-def ask_until(session, selector, holds):
+def ask_until(
+    session: zenoh.Session, selector: str, holds: Callable[[zenoh.Sample], object]
+) -> zenoh.Sample:
     """The only reply to a query, asked again until it holds what is on its way."""
     end = time.monotonic() + PATIENCE
     while True:

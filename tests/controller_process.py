@@ -10,9 +10,12 @@ error last; with `forever` the next run follows, until a signal comes.
 import json
 import sys
 import time
+from unittest.mock import patch
 
 from macor_hil.errors import MacorError
 from macor_hil.hardware.khepera import Khepera
+from macor_hil.mind.experience import Moment
+from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.planners.planner import Plan
 from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.runs.live_run import serve
@@ -26,7 +29,7 @@ class Circle:
 
     memory = "transitions"
 
-    def plan(self, *_):
+    def plan(self, *_: object) -> Plan:
         return Plan((0.0, None, None), 0)
 
 
@@ -35,10 +38,10 @@ class SlowPlanner:
 
     memory = "transitions"
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.left = 2
 
-    def plan(self, memory, now):
+    def plan(self, memory: SensorimotorMap, now: Moment) -> Plan:
         self.left -= 1
         if self.left == -1:
             print("slow", flush=True)
@@ -49,39 +52,41 @@ class SlowPlanner:
 OWN_PLANNERS = {"circle": f"{__file__}:Circle", "slow": f"{__file__}:SlowPlanner"}
 
 
-def break_in_mid_drive():
+def break_in_mid_drive() -> None:
     """The driver's look at the sensors fails while the wheels turn, in the third command."""
     look, go = Khepera.proximity, Khepera.go_to
-    moves = []
+    moves: list[tuple[int, ...]] = []
 
-    def counted(robot, *target):
+    def counted(robot: Khepera, *target: int) -> None:
         moves.append(target)
         go(robot, *target)
 
-    def broken(robot):
+    def broken(robot: Khepera) -> tuple[int, ...]:
         seen = look(robot)
         if len(moves) == 3 and max(map(abs, robot.request("E").values)) > 5:
             print("broken", flush=True)
             raise ZeroDivisionError("a defect")
         return seen
 
-    Khepera.go_to, Khepera.proximity = counted, broken
+    patch.object(Khepera, "go_to", counted).start()
+    patch.object(Khepera, "proximity", broken).start()
 
 
-def jump():
+def jump() -> None:
     """The wall clock is an hour ahead from its 20th reading on."""
-    read, readings = time.time, []
+    read = time.time
+    readings: list[float] = []
 
-    def jumping():
+    def jumping() -> float:
         readings.append(read())
         if len(readings) == 20:
             print("jump", flush=True)
         return readings[-1] + 3600.0 * (len(readings) > 20)
 
-    time.time = jumping
+    patch.object(time, "time", jumping).start()
 
 
-def main():
+def main() -> None:
     fields = json.loads(sys.argv[1])
     trouble = fields.pop("trouble", "")
     if trouble == "slow planner":
@@ -98,7 +103,7 @@ def main():
         pass
 
 
-def run(options):
+def run(options: RunOptions) -> bool:
     """A run, and how it ended; whether a signal has come."""
     try:
         report = serve(options, lambda _: print("step", flush=True))

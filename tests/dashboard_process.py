@@ -4,13 +4,14 @@ import os
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 PATIENCE = 60.0
 
 
 @contextmanager
-def dashboard(*arguments, code=""):
+def dashboard(*arguments: str, code: str = "") -> Iterator[str]:
     """A dashboard process, or that of some code in its place; gives its address."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -23,6 +24,7 @@ def dashboard(*arguments, code=""):
         [*command, *arguments], stdout=subprocess.PIPE, text=True, env=environment
     ) as process:
         try:
+            assert process.stdout is not None
             address = process.stdout.readline().strip()
             assert address == f"http://127.0.0.1:{port}"
             yield address

@@ -10,11 +10,15 @@ import termios
 import threading
 import time
 import tty
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import serial
 from emulator_process import PATIENCE, free_endpoint
+from rig import Closing, Rig
 
 MACOR_HIL = [sys.executable, "-m", "macor_hil.cli"]
 
@@ -44,7 +48,7 @@ while True:
 """A learner without any care for its end."""
 
 
-def programs(rig, map_file, port=None):
+def programs(rig: Rig, map_file: Path, port: str | Path | None = None) -> dict[str, list[str]]:
     """Commands that drive the rig's robot slowly for long, by name."""
     port = str(port or rig.link)
     line = ["--port", port, "--baud", str(rig.baud), "--speed", str(SLOW)]
@@ -64,7 +68,7 @@ def programs(rig, map_file, port=None):
     }
 
 
-def learner(rig, name, port):
+def learner(rig: Rig, name: str, port: str) -> list[str]:
     """A learner in an environment, whose camera shows pictures from files."""
     pictures = rig.folder / "pictures"
     if not pictures.exists():
@@ -86,15 +90,18 @@ class Drive:
         output: whether its standard output is a pipe instead, which can be closed.
     """
 
-    def __init__(self, controllers, command, *, output=False, **popen):
+    def __init__(
+        self, controllers: list[Closing], command: list[str], *, output: bool = False, **popen: Any
+    ) -> None:
         self._master, terminal = os.openpty()
+        self._output: int | None
         self._output, given = os.pipe() if output else (None, terminal)
         self._closing = False
         self._came = threading.Condition()
         # a terminal that nobody reads from would hold up who writes to it
         self._reader = threading.Thread(target=self._read, daemon=True)
 
-        def take_the_terminal():
+        def take_the_terminal() -> None:
             os.setsid()
             fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
 
@@ -112,38 +119,39 @@ class Drive:
             os.close(descriptor)
         controllers.append(self)
 
-    def signal(self, number):
+    def signal(self, number: int) -> None:
         os.kill(self.process.pid, number)
 
-    def close_terminal(self):
+    def close_terminal(self) -> None:
         self._closing = True
         self._reader.join()
 
-    def close_output(self):
+    def close_output(self) -> None:
+        assert self._output is not None
         os.close(self._output)
         self._output = None
 
-    def wait_for(self, words):
+    def wait_for(self, words: bytes) -> None:
         """Return when it has said something, at the end of a line or not."""
         with self._came:
             assert self._came.wait_for(lambda: words in self.said, PATIENCE), self.said
 
-    def answer(self, line):
+    def answer(self, line: bytes) -> None:
         """Type a line, or a key such as Ctrl-C."""
         os.write(self._master, line)
 
-    def wait(self):
+    def wait(self) -> int:
         """Its exit status."""
         return self.process.wait(PATIENCE)
 
-    def close(self):
+    def close(self) -> None:
         self.process.kill()
         self.process.wait(PATIENCE)
         self.close_terminal()
         if self._output is not None:
             self.close_output()
 
-    def _read(self):
+    def _read(self) -> None:
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
         while not self._closing:
@@ -165,7 +173,7 @@ class Cable:
         port: the program's end.
     """
 
-    def __init__(self, rig):
+    def __init__(self, rig: Rig) -> None:
         self._robot = serial.Serial(str(rig.link), rig.baud, stopbits=2, timeout=0)
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
@@ -175,19 +183,20 @@ class Cable:
         self._carrier.start()
         rig.controllers.append(self)
 
-    def pull(self):
+    def pull(self) -> None:
         self._pulled = True
 
-    def close(self):
+    def close(self) -> None:
         self._ended = True
         self._carrier.join()
         self._robot.close()
         os.close(self._master)
         os.close(self._slave)
 
-    def _carry(self):
+    def _carry(self) -> None:
         poll = select.poll()
-        ends = {self._master: self._robot.fd, self._robot.fd: self._master}
+        robot = self._robot.fileno()
+        ends = {self._master: robot, robot: self._master}
         for end in ends:
             poll.register(end, select.POLLIN)
         while not self._ended:
@@ -197,7 +206,7 @@ class Cable:
                     os.write(ends[end], data)
 
 
-WAYS_OUT = {
+WAYS_OUT: dict[str, Callable[[Drive], None]] = {
     "Ctrl-C": lambda drive: drive.signal(signal.SIGINT),
     "SIGTERM": lambda drive: drive.signal(signal.SIGTERM),
     "SIGHUP": lambda drive: drive.signal(signal.SIGHUP),

@@ -19,13 +19,14 @@ class EmulatorProcess:
     """A running emulator; `announcement` is the line it printed, `path` its terminal."""
 
     def __init__(self, *options: str, **popen: Any) -> None:
-        self.process = subprocess.Popen(
+        self.process: subprocess.Popen[str] = subprocess.Popen(
             [*COMMAND, *options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             **popen,
         )
+        assert self.process.stdout is not None
         self.announcement = self.process.stdout.readline().rstrip("\n")
         if not self.announcement:
             raise AssertionError(self.process.communicate()[1])
@@ -35,7 +36,7 @@ class EmulatorProcess:
         """Send a signal and wait; returns exit status and the standard error output."""
         if self.process.poll() is None:
             os.kill(self.process.pid, number)
-        _, said = self.process.communicate(timeout=PATIENCE)
+        said: str = self.process.communicate(timeout=PATIENCE)[1]
         return self.process.returncode, said
 
 

@@ -7,9 +7,9 @@ that end answers again when they have ended.
 
 from itertools import count
 from math import inf, isfinite
+from typing import Any
 from urllib.parse import urlencode
 
-import serial
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
@@ -18,11 +18,12 @@ from hypothesis.stateful import (
     precondition,
     rule,
 )
+from in_process import open_robot
 from khepera_protocol.serial.commands import COMMANDS
 from khepera_protocol.serial.messages import Request, parse_reply
 from khepera_protocol.zenoh.payloads import Reset
 
-import khepera_emulator  # noqa: F401 - registers khepera://
+from khepera_emulator.ports.protocol_khepera import Serial
 from khepera_emulator.world.floor_plan import FloorPlan
 
 TIMEOUT = 2.0
@@ -74,21 +75,30 @@ class LineMachine(RuleBasedStateMachine):
 
     steps = 0
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__()
-        self.port = None
+        self._port: Serial | None = None
+        self._now = -inf
+        self._age = 0
+        self._low = self._high = (0.0, 0.0)
         self._marks = count(1)
 
-    def teardown(self):
-        if self.port:
-            self.port.close()
+    @property
+    def port(self) -> Serial:
+        """The robot's, once it is switched on."""
+        assert self._port is not None
+        return self._port
+
+    def teardown(self) -> None:
+        if self._port:
+            self._port.close()
 
     @initialize(robot=robots)
-    def switch_on(self, robot):
+    def switch_on(self, robot: dict[str, Any]) -> None:
         options = dict(robot)
         url = f"khepera://{options.pop('arena')}?{urlencode(options, doseq=True)}"
         rate = int(robot["baud"]) if robot["baud"].isdecimal() else 9600
-        self.port = serial.serial_for_url(url, baudrate=rate, timeout=TIMEOUT)
+        self._port = open_robot(url, baudrate=rate, timeout=TIMEOUT)
         self.faulty = bool(robot["fault"])
         self.follows = robot["baud"] == "auto"
         self._started()
@@ -96,7 +106,7 @@ class LineMachine(RuleBasedStateMachine):
     # a new robot takes longer than all else
     @precondition(lambda self: self._age >= RARELY)
     @rule(robot=st.none() | robots)
-    def reopen(self, robot):
+    def reopen(self, robot: dict[str, Any] | None) -> None:
         self.port.close()
         if robot is None:
             self.port.open()
@@ -106,7 +116,7 @@ class LineMachine(RuleBasedStateMachine):
 
     @precondition(lambda self: self._age >= RARELY)
     @rule(seed=st.none() | st.integers(0, 99), random=st.booleans())
-    def reset(self, seed, random):
+    def reset(self, seed: int | None, random: bool) -> None:
         self.port.emulator.reset(Reset(seed=seed, random=random))
         self.port.reset_input_buffer()
         self._age = 0
@@ -114,25 +124,25 @@ class LineMachine(RuleBasedStateMachine):
             self._settled()
 
     @rule(request=requests, end=ends)
-    def ask(self, request, end):
+    def ask(self, request: Request, end: bytes) -> None:
         self.port.write(request.encode()[:-1] + end)
         self._answered(request)
 
     @rule(several=st.lists(requests, min_size=2, max_size=6), end=ends)
-    def ask_back_to_back(self, several, end):
+    def ask_back_to_back(self, several: list[Request], end: bytes) -> None:
         self.port.write(b"".join(each.encode()[:-1] + end for each in several))
         for each in several:
             self._answered(each)
 
     @rule(request=requests, pause=st.sampled_from([0.0, 0.001, 0.05]))
-    def ask_byte_by_byte(self, request, pause):
+    def ask_byte_by_byte(self, request: Request, pause: float) -> None:
         for place, byte in enumerate(request.encode()):
             self._wait(pause if place else 0.0)
             self.port.write(bytes([byte]))
         self._answered(request)
 
     @rule(request=requests)
-    def ask_by_polling(self, request):
+    def ask_by_polling(self, request: Request) -> None:
         self.port.write(request.encode())
         patience = self.port.now + TIMEOUT
         while not self.port.in_waiting and self.port.now < patience:
@@ -140,40 +150,40 @@ class LineMachine(RuleBasedStateMachine):
         self._answered(request)
 
     @rule(request=requests)
-    def ask_and_flush(self, request):
+    def ask_and_flush(self, request: Request) -> None:
         self.port.write(request.encode())
         self.port.flush()
         self.port.reset_input_buffer()
         self._settled()
 
     @rule(garbage=st.binary(min_size=1, max_size=300))
-    def write_garbage(self, garbage):
+    def write_garbage(self, garbage: bytes) -> None:
         self.port.write(garbage)
         self._settled()
 
     @rule(request=requests)
-    def write_half_a_request(self, request):
+    def write_half_a_request(self, request: Request) -> None:
         self.port.write(request.encode()[:-1])
         self._settled()
 
     @rule(word=st.sampled_from([b"restart", b"help", b"net", b"memory", b"run sloader", b"S9"]))
-    def run_a_tool(self, word):
+    def run_a_tool(self, word: bytes) -> None:
         self.port.write(word + b"\n")
         self._settled()
 
     @rule(seconds=st.sampled_from([0.003, 0.02, 0.5, 3.0]))
-    def let_time_pass(self, seconds):
+    def let_time_pass(self, seconds: float) -> None:
         said = self._wait(seconds)
         assert self.faulty or said == b"", f"said unasked: {said!r}"
 
     @precondition(lambda self: self.follows)
     @rule(rate=st.sampled_from([9600, 19200, 38400, 115200]))
-    def change_rate(self, rate):
+    def change_rate(self, rate: int) -> None:
         self.port.baudrate = rate
 
     @invariant()
-    def time_passes_and_the_robot_is_in_its_arena(self):
-        if not self.port:
+    def time_passes_and_the_robot_is_in_its_arena(self) -> None:
+        if not self._port:
             return
         LineMachine.steps += 1
         self._age += 1
@@ -184,20 +194,20 @@ class LineMachine(RuleBasedStateMachine):
         assert self._low[0] < pose.x < self._high[0]
         assert self._low[1] < pose.y < self._high[1]
 
-    def _started(self):
+    def _started(self) -> None:
         self._now = -inf
         self._age = 0
         self._low, self._high = FloorPlan(self.port.emulator.setup.arena).bounds()
         if self.faulty:
             self._settled()
 
-    def _wait(self, seconds):
+    def _wait(self, seconds: float) -> bytes:
         self.port.timeout = seconds
         said = self.port.read(100_000)
         self.port.timeout = TIMEOUT
         return said
 
-    def _answered(self, request):
+    def _answered(self, request: Request) -> None:
         """One reply of the request's form, at last."""
         if self.faulty:
             self._settled()
@@ -206,7 +216,7 @@ class LineMachine(RuleBasedStateMachine):
         assert line.endswith(b"\r\n"), f"{request} was answered by {line!r}"
         parse_reply(request, line[:-2])
 
-    def _settled(self):
+    def _settled(self) -> None:
         """Whatever was said and done before: the robot soon answers what it is asked."""
         for mark in map(next, [self._marks] * ATTEMPTS):
             # the first line end completes what may have been begun

@@ -3,6 +3,8 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 from emulator_process import free_endpoint
 
@@ -17,7 +19,7 @@ with zenoh.open(zenoh.Config.from_file(sys.argv[1])):
 class Router:
     """A running router, and `client`, the configuration file of who reaches others through it."""
 
-    def __init__(self, folder):
+    def __init__(self, folder: Path) -> None:
         self.endpoint = free_endpoint()
         self._config = folder / "router.json5"
         self._config.write_text(json.dumps({"mode": "router", **_closed(listen=self.endpoint)}))
@@ -25,25 +27,28 @@ class Router:
         self.client.write_text(json.dumps({"mode": "client", **_closed(connect=self.endpoint)}))
         self.start()
 
-    def start(self):
+    def start(self) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-c", _SCRIPT, str(self._config)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
+        assert self.process.stdout is not None
         self.process.stdout.readline()
 
-    def kill(self):
+    def kill(self) -> None:
         self.process.kill()
         self.process.wait()
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
         self.process.stdin.close()
         self.process.stdout.close()
 
 
-def _closed(listen=None, connect=None):
+def _closed(listen: str | None = None, connect: str | None = None) -> dict[str, Any]:
     """Zenoh settings: these endpoints, and no search for others."""
     retry = {"period_init_ms": 100, "period_max_ms": 1000}
-    settings = {
+    settings: dict[str, Any] = {
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "timestamping": {"enabled": True},
     }

@@ -20,6 +20,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Self
 
+import pytest
 import serial
 import serial.rfc2217
 import serial.urlhandler.protocol_socket
@@ -121,14 +122,10 @@ def robot_at(kind: str) -> Iterator[Place]:
 def impatience() -> Iterator[None]:
     """pySerial's network ports sleep a third of a second at every closing: a thousandth will do."""
     quick = SimpleNamespace(sleep=lambda seconds: time.sleep(min(seconds, 0.001)), time=time.time)
-    modules = (serial.urlhandler.protocol_socket, serial.rfc2217)
-    for module in modules:
-        module.time = quick
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (serial.urlhandler.protocol_socket, serial.rfc2217):
+            patch.setattr(module, "time", quick)
         yield
-    finally:
-        for module in modules:
-            module.time = time
 
 
 def fuzz(rng: random.Random, size: int) -> bytes:

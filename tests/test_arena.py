@@ -2,6 +2,7 @@
 
 import sys
 from math import hypot
+from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -9,7 +10,7 @@ import pytest
 from khepera_protocol.zenoh.payloads import Pose
 from worlds import gap_in, reachable
 
-from khepera_emulator.app.cli import app
+from khepera_emulator.app.cli.commands import app
 from khepera_emulator.arenas.arena import arena_names, load_arena
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA, KHEPERA2
@@ -30,7 +31,7 @@ points = [[0.5, -1.0], [0.5, 1.0]]
 """
 
 
-def test_the_arenas_that_come_with_the_package():
+def test_the_arenas_that_come_with_the_package() -> None:
     assert {
         "corridor",
         "corridor-18",
@@ -44,7 +45,7 @@ def test_the_arenas_that_come_with_the_package():
 
 
 @pytest.mark.parametrize("name", arena_names())
-def test_packaged_arena_has_room_at_its_start_and_at_random_places(name):
+def test_packaged_arena_has_room_at_its_start_and_at_random_places(name: str) -> None:
     arena, gap = load_arena(name), gap_in(name)
     check_room(pose_of(arena.start), gap)
     rng = np.random.default_rng(0)
@@ -54,7 +55,7 @@ def test_packaged_arena_has_room_at_its_start_and_at_random_places(name):
 
 
 @pytest.mark.parametrize("name", arena_names())
-def test_the_middle_of_the_free_strip_is_free(name):
+def test_the_middle_of_the_free_strip_is_free(name: str) -> None:
     arena, gap = load_arena(name), gap_in(name)
     if arena.cylinder:
         pytest.skip("posts stand in the strip")
@@ -64,14 +65,14 @@ def test_the_middle_of_the_free_strip_is_free(name):
 
 
 @pytest.mark.parametrize("name", ["corridor", "corridor-mirror", "s-curve", "corridor-18"])
-def test_a_straight_drive_collides_in_the_eighth_command(name):
+def test_a_straight_drive_collides_in_the_eighth_command(name: str) -> None:
     start, gap = pose_of(load_arena(name).start), gap_in(name, KHEPERA)
     gaps = [gap(start.model_copy(update={"x": start.x + n * COMMAND_WAY})) for n in (7, 8)]
     assert gaps[0] > 0.0 > gaps[1]
 
 
 @pytest.mark.parametrize("name", arena_names())
-def test_every_solid_stands_in_the_world(name):
+def test_every_solid_stands_in_the_world(name: str) -> None:
     world = World(load_arena(name))
     parts = [
         shape
@@ -82,13 +83,13 @@ def test_every_solid_stands_in_the_world(name):
     assert len(parts) == len(world.plan.boxes) + len(world.plan.posts)
 
 
-def test_a_world_too_many_is_refused(monkeypatch):
+def test_a_world_too_many_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pybullet, "connect", lambda _: -1)
     with pytest.raises(EmulatorError, match="no room for another world in this process"):
         World(load_arena("corridor"))
 
 
-def test_the_mirror_image_of_the_corridor_is_one():
+def test_the_mirror_image_of_the_corridor_is_one() -> None:
     arena, other = load_arena("corridor"), load_arena("corridor-mirror")
     assert other.start == arena.start
     assert other.free.points == [(x, -y) for x, y in arena.free.points]
@@ -98,26 +99,26 @@ def test_the_mirror_image_of_the_corridor_is_one():
 
 
 @pytest.mark.parametrize(("name", "width"), [("corridor", 0.25), ("corridor-18", 0.18)])
-def test_widths(name, width):
+def test_widths(name: str, width: float) -> None:
     plan = FloorPlan(load_arena(name))
     for x, y in ((0.4, 0.0), (1.0, 0.6)):
         assert plan.clearance(x, y) == pytest.approx(width / 2)
 
 
 @pytest.mark.parametrize(("name", "goal"), [("maze", (0.88, 0.72)), ("narrow-passage", (0.4, 0.0))])
-def test_both_robots_can_get_to_the_end(name, goal):
+def test_both_robots_can_get_to_the_end(name: str, goal: tuple[float, float]) -> None:
     places = reachable(name, KHEPERA2)
     assert min(hypot(x - goal[0], y - goal[1]) for x, y in places) < 0.01
     (x0, y0), (x1, y1) = FloorPlan(load_arena(name)).bounds()
     assert all(x0 < x < x1 and y0 < y < y1 for x, y in places)
 
 
-def run(capsys, *arguments):
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
     app(["arenas", *arguments], prog_name="khepera-emulator", standalone_mode=False)
     return capsys.readouterr().out.splitlines()
 
 
-def test_arenas_are_listed_with_title_and_size(capsys):
+def test_arenas_are_listed_with_title_and_size(capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys)
     assert [line.split()[0] for line in lines] == arena_names()
     (line,) = [line for line in lines if line.startswith("open-box ")]
@@ -125,7 +126,9 @@ def test_arenas_are_listed_with_title_and_size(capsys):
     assert run(capsys, "open-box") == ["open-box  1.02 x 1.02 m  Open box of 1 m, one wall red"]
 
 
-def test_starts_are_checked_as_run_checks_them(tmp_path, capsys):
+def test_starts_are_checked_as_run_checks_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "own.toml"
     box = "[[wall]]\npoints = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]\n"
     text = GOOD.partition("[[wall]]")[0] + box
@@ -151,7 +154,9 @@ def test_starts_are_checked_as_run_checks_them(tmp_path, capsys):
         run(capsys, str(path))
 
 
-def test_a_robot_that_is_too_wide_is_told(tmp_path, capsys):
+def test_a_robot_that_is_too_wide_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "own.toml"
     path.write_text(GOOD.replace("0.5, -1.0], [0.5, 1.0", "0.034, -1.0], [0.034, 1.0"))
     with pytest.raises(EmulatorError, match=r"start: no room .*; free: no free place"):
@@ -168,7 +173,9 @@ PICTURES = {
 
 
 @pytest.mark.parametrize("suffix", PICTURES)
-def test_a_picture_is_what_its_name_says(tmp_path, capsys, suffix):
+def test_a_picture_is_what_its_name_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str
+) -> None:
     path = tmp_path / f"arena.{suffix}"
     run(capsys, "open-box", "--draw", str(path))
     assert path.read_bytes().startswith(PICTURES[suffix])
@@ -190,15 +197,15 @@ def test_a_picture_is_what_its_name_says(tmp_path, capsys, suffix):
     ],
 )
 def test_a_picture_that_cannot_be_written_is_refused_before_it_is_drawn(
-    capsys, monkeypatch, path, why
-):
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, path: str, why: str
+) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(EmulatorError, match="cannot write") as caught:
         run(capsys, "maze", "--draw", path)
     assert why in str(caught.value)
 
 
-def test_all_starts_are_drawn(tmp_path, capsys):
+def test_all_starts_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "own.toml"
     path.write_text(GOOD.replace("A wall", "A $wall") + "[[starts]]\nx = -1.0\ny = 2.0\n")
     run(capsys, str(path), "--draw", str(tmp_path / "arena.svg"))
@@ -210,27 +217,31 @@ def test_all_starts_are_drawn(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name", ["lamp-room", "maze"])
-def test_an_arena_is_drawn(tmp_path, capsys, name):
+def test_an_arena_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     path = tmp_path / "arena.png"
     assert run(capsys, name, "--draw", str(path)) == []
     assert path.read_bytes().startswith(b"\x89PNG")
     assert path.stat().st_size > 5000
 
 
-def test_drawing_without_matplotlib_says_what_to_install(tmp_path, capsys, monkeypatch):
+def test_drawing_without_matplotlib_says_what_to_install(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(EmulatorError, match=r"needs Matplotlib.*'pictures'"):
         run(capsys, "maze", "--draw", str(tmp_path / "arena.png"))
 
 
-def test_a_drawing_that_cannot_be_made_is_told(tmp_path, capsys):
+def test_a_drawing_that_cannot_be_made_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(EmulatorError, match="name it"):
         run(capsys, "--draw", str(tmp_path / "arena.png"))
     with pytest.raises(EmulatorError, match=r"cannot write .*nowhere"):
         run(capsys, "maze", "--draw", str(tmp_path / "nowhere" / "arena.png"))
 
 
-def test_an_arena_of_ones_own(tmp_path):
+def test_an_arena_of_ones_own(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
     path.write_text(GOOD)
     arena = load_arena(str(path))
@@ -267,7 +278,9 @@ def test_an_arena_of_ones_own(tmp_path):
         (("version = 1", "#" * 1_000_000), "has more than 1,000,000 bytes"),
     ],
 )
-def test_a_wrong_arena_is_told_in_one_sentence(tmp_path, change, part):
+def test_a_wrong_arena_is_told_in_one_sentence(
+    tmp_path: Path, change: tuple[str, str], part: str
+) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(GOOD.replace(*change))
     with pytest.raises(EmulatorError) as caught:
@@ -277,7 +290,7 @@ def test_a_wrong_arena_is_told_in_one_sentence(tmp_path, change, part):
     assert "\n" not in str(caught.value)
 
 
-def test_all_mistakes_are_told_at_once(tmp_path):
+def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
     path = tmp_path / "wrong.toml"
     wall = "[[wall]]\npoints = [[0, 0], [1, 12]]\ncolor = [1, 0, 0]\nheight = -1\n"
     path.write_text(GOOD.replace("title", "titel") + wall)
@@ -291,7 +304,7 @@ def test_all_mistakes_are_told_at_once(tmp_path):
     )
 
 
-def test_very_many_mistakes_are_counted(tmp_path):
+def test_very_many_mistakes_are_counted(tmp_path: Path) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(GOOD + "".join(f"x{k} = 1\n" for k in range(100)))
     with pytest.raises(EmulatorError, match=r"100 mistakes: .*; and 90 more$") as caught:
@@ -299,7 +312,7 @@ def test_very_many_mistakes_are_counted(tmp_path):
     assert len(str(caught.value)) < 1500
 
 
-def test_what_a_terminal_would_obey_is_made_readable(tmp_path):
+def test_what_a_terminal_would_obey_is_made_readable(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
     path.write_text(GOOD.replace("A wall", "A \\u001b]0;wall\\u0007 \\u202e"))
     assert load_arena(str(path)).title == r"A \x1b]0;wall\x07 \u202e"
@@ -310,13 +323,13 @@ def test_what_a_terminal_would_obey_is_made_readable(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["nowhere", "", "a\0b"])
-def test_an_unknown_arena_lists_the_known_ones(name):
+def test_an_unknown_arena_lists_the_known_ones(name: str) -> None:
     with pytest.raises(EmulatorError, match="unknown arena") as caught:
         load_arena(name)
     assert "corridor" in str(caught.value)
 
 
-def test_a_misspelt_arena_is_recognized():
+def test_a_misspelt_arena_is_recognized() -> None:
     with pytest.raises(EmulatorError, match="unknown arena 'maz': did you mean maze"):
         load_arena("maz")
 
@@ -333,13 +346,13 @@ def test_a_misspelt_arena_is_recognized():
         ("/proc/self/mem", "Input/output error"),
     ],
 )
-def test_a_file_that_cannot_be_read_is_not_an_unknown_arena(name, why):
+def test_a_file_that_cannot_be_read_is_not_an_unknown_arena(name: str, why: str) -> None:
     with pytest.raises(EmulatorError, match=why) as caught:
         load_arena(name)
     assert "unknown" not in str(caught.value)
 
 
-def test_a_file_that_is_no_text(tmp_path):
+def test_a_file_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "binary.toml"
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(EmulatorError, match="is not TOML: byte 0 is not UTF-8 text"):
@@ -349,7 +362,7 @@ def test_a_file_that_is_no_text(tmp_path):
 OBJECT = GOOD + '[[object]]\nshape = "box"\ncentre = [0.2, 0.2]\nsize = [0.04, 0.02]\n'
 
 
-def test_an_arena_with_a_thing(tmp_path):
+def test_an_arena_with_a_thing(tmp_path: Path) -> None:
     path = tmp_path / "own.toml"
     path.write_text(OBJECT)
     (thing,) = load_arena(str(path)).object
@@ -368,7 +381,9 @@ def test_an_arena_with_a_thing(tmp_path):
         (("size", "mass = 0.0\nsize"), "object 1, mass: 0.0 is less than 0.001"),
     ],
 )
-def test_a_wrong_thing_is_told_in_one_sentence(tmp_path, change, part):
+def test_a_wrong_thing_is_told_in_one_sentence(
+    tmp_path: Path, change: tuple[str, str], part: str
+) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(OBJECT.replace(*change))
     with pytest.raises(EmulatorError) as caught:

@@ -2,10 +2,14 @@
 
 import re
 import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
+from as_type import not_none
 from controller_helpers import free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
+from selenium.webdriver import Chrome
 from watching_helpers import a_life
 
 from macor_hil.telemetry.feed import Arrival
@@ -21,11 +25,11 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def browser():
+def browser() -> Iterator[Chrome]:
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
+    options.binary_location = not_none(CHROMIUM)
     for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
@@ -35,11 +39,11 @@ def browser():
         yield driver
 
 
-def visit(browser, address):
+def visit(browser: Chrome, address: str) -> None:
     """Open a page as soon as it is served."""
     from selenium.common.exceptions import WebDriverException
 
-    def opened(driver):
+    def opened(driver: Chrome) -> bool:
         try:
             driver.get(address)
         except WebDriverException:
@@ -49,31 +53,35 @@ def visit(browser, address):
     until(browser, opened)
 
 
-def until(browser, condition):
+def until(browser: Chrome, condition: Callable[[Chrome], object]) -> object:
     from selenium.webdriver.support.wait import WebDriverWait
 
     return WebDriverWait(browser, PATIENCE, poll_frequency=0.1).until(condition)
 
 
-def says(text):
-    def found(driver):
-        return text in driver.execute_script("return document.body ? document.body.innerText : ''")
+def says(text: str) -> Callable[[Chrome], bool]:
+    def found(driver: Chrome) -> bool:
+        said: str = driver.execute_script("return document.body ? document.body.innerText : ''")
+        return text in said
 
     return found
 
 
-def count(driver, selector):
-    return driver.execute_script("return document.querySelectorAll(arguments[0]).length", selector)
+def count(driver: Chrome, selector: str) -> int:
+    script = "return document.querySelectorAll(arguments[0]).length"
+    number: int = driver.execute_script(script, selector)
+    return number
+    return number
 
 
-def shows(selector, number):
-    def found(driver):
+def shows(selector: str, number: int) -> Callable[[Chrome], bool]:
+    def found(driver: Chrome) -> bool:
         return count(driver, selector) == number
 
     return found
 
 
-def test_a_robot_appears_drives_goes_and_comes_again(browser):
+def test_a_robot_appears_drives_goes_and_comes_again(browser: Chrome) -> None:
     endpoint = free_endpoint()
     life = a_life()
     with (
@@ -118,14 +126,14 @@ main()
 """
 
 
-def test_a_page_whose_drawing_fails_says_so(browser):
+def test_a_page_whose_drawing_fails_says_so(browser: Chrome) -> None:
     with dashboard("--connect", free_endpoint(), code=BROKEN) as address:
         visit(browser, address)
         until(browser, says("the page failed 1 times, please report it: ZeroDivisionError"))
         assert says("waiting for a robot")(browser)
 
 
-def test_every_page_plays_a_recording_for_itself(browser, recording):
+def test_every_page_plays_a_recording_for_itself(browser: Chrome, recording: Path) -> None:
     with dashboard(str(recording)) as address:
         visit(browser, address)
         until(browser, says("of 40 commands"))
@@ -141,14 +149,14 @@ def test_every_page_plays_a_recording_for_itself(browser, recording):
         assert "PLAY" in text_of_button(browser).upper()
 
 
-def hosts(browser):
+def hosts(browser: Chrome) -> set[str]:
     """Return the hosts that the page asked for anything."""
     log = "".join(each["message"] for each in browser.get_log("performance"))
     return set(re.findall(r'"url":"(?:https?|wss?)://([^:/"]+)', log))
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory):
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from macor_hil.telemetry.recordings.recording import Recorder
 
     path = tmp_path_factory.mktemp("recording") / "drive.mcap"
@@ -158,11 +166,11 @@ def recording(tmp_path_factory):
     return path
 
 
-def test_a_recording_is_scrubbed_by_keyboard(browser, recording):
+def test_a_recording_is_scrubbed_by_keyboard(browser: Chrome, recording: Path) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
 
-    def press(key):
+    def press(key: str) -> None:
         ActionChains(browser).send_keys(key).perform()
 
     with dashboard(str(recording)) as address:
@@ -184,12 +192,13 @@ def test_a_recording_is_scrubbed_by_keyboard(browser, recording):
         until(browser, says("waiting for a robot"))
 
 
-def text_of_button(driver):
-    return driver.execute_script("return document.querySelector('button').innerText")
+def text_of_button(driver: Chrome) -> str:
+    text: str = driver.execute_script("return document.querySelector('button').innerText")
+    return text
 
 
 @pytest.mark.parametrize("width", [360, 1500])
-def test_nothing_is_wider_than_the_screen(browser, recording, width):
+def test_nothing_is_wider_than_the_screen(browser: Chrome, recording: Path, width: int) -> None:
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False},

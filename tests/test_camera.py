@@ -1,7 +1,9 @@
 """The camera: left is left, turning the robot turns the picture, and noise is seeded."""
 
+from collections.abc import Callable, Iterator
 from importlib import resources
 from math import pi
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -20,7 +22,7 @@ MIRROR = Mirror()
 
 
 @pytest.fixture(scope="module")
-def world():
+def world() -> Iterator[World]:
     sides = {
         "red": ([[0.3, -0.3], [0.3, 0.3]], [1, 0, 0]),
         "green": ([[-0.3, 0.3], [0.3, 0.3]], [0, 1, 0]),
@@ -56,7 +58,7 @@ def skyline(world: World) -> SkylineRenderer:
 
 
 @pytest.fixture(params=[faces, skyline], ids=["faces", "skyline"])
-def camera(request):
+def camera(request: pytest.FixtureRequest) -> Callable[..., OmniCamera]:
     """A camera in a world, with each of the renderers."""
 
     def make(world: World, seed: int = 0, noise: float = 0.0) -> OmniCamera:
@@ -72,7 +74,7 @@ def pose(heading: float = 0.0, x: float = 0.0, y: float = 0.0) -> Pose:
 
 def has_colour(pixel: np.ndarray, channels: tuple[int, ...]) -> bool:
     others = [channel for channel in range(3) if channel not in channels]
-    return min(pixel[list(channels)]) > 100 and max(pixel[others]) < 20
+    return bool(min(pixel[list(channels)]) > 100 and max(pixel[others]) < 20)
 
 
 # 0.05 m above the floor, 0.29 m away: a little below the horizon
@@ -81,17 +83,21 @@ def wall_row(panorama: np.ndarray) -> int:
     return int(share * len(panorama))
 
 
-def test_shapes(camera, world):
+def test_shapes(camera: Callable[..., OmniCamera], world: World) -> None:
     image = camera(world).mirror_image(pose())
-    assert (image.shape, image.dtype) == ((160, 160, 3), np.uint8)
+    assert image.shape == (160, 160, 3)
+    assert image.dtype == np.uint8
     panorama = camera(world).panorama(pose())
-    assert (panorama.shape, panorama.dtype) == ((48, 240, 3), np.uint8)
+    assert panorama.shape == (48, 240, 3)
+    assert panorama.dtype == np.uint8
 
 
 @pytest.mark.parametrize(
     ("share", "colour"), [(0.5, RED), (0.25, GREEN), (0.0, BLUE), (0.75, YELLOW)]
 )
-def test_the_panorama_shows_each_wall_on_its_side(camera, world, share, colour):
+def test_the_panorama_shows_each_wall_on_its_side(
+    camera: Callable[..., OmniCamera], world: World, share: float, colour: tuple[int]
+) -> None:
     panorama = camera(world).panorama(pose())
     assert has_colour(panorama[wall_row(panorama), int(share * 240)], colour)
 
@@ -99,7 +105,9 @@ def test_the_panorama_shows_each_wall_on_its_side(camera, world, share, colour):
 @pytest.mark.parametrize(
     ("step", "colour"), [((0, -1), RED), ((-1, 0), GREEN), ((0, 1), BLUE), ((1, 0), YELLOW)]
 )
-def test_the_mirror_shows_front_up_and_left_left(camera, world, step, colour):
+def test_the_mirror_shows_front_up_and_left_left(
+    camera: Callable[..., OmniCamera], world: World, step: tuple[int, int], colour: tuple[int]
+) -> None:
     image = camera(world).mirror_image(pose())
     radius = MIRROR.inner + 44 / 70 * (MIRROR.outer - MIRROR.inner)
     x, y = (round(79.5 + radius * part) for part in step)
@@ -107,7 +115,9 @@ def test_the_mirror_shows_front_up_and_left_left(camera, world, step, colour):
 
 
 @pytest.mark.parametrize("degrees", [15, 30, 45, 90, 180, 270, -60])
-def test_turning_the_robot_turns_the_panorama(camera, world, degrees):
+def test_turning_the_robot_turns_the_panorama(
+    camera: Callable[..., OmniCamera], world: World, degrees: int
+) -> None:
     straight = camera(world).panorama(pose()).astype(int)
     turned = camera(world).panorama(pose(np.radians(degrees))).astype(int)
     # a turn to the left moves the world to the right, 1.5 degrees a column
@@ -116,7 +126,9 @@ def test_turning_the_robot_turns_the_panorama(camera, world, degrees):
     assert np.mean(difference > 40) < 0.06
 
 
-def test_the_mirror_image_holds_the_panorama(camera, world):
+def test_the_mirror_image_holds_the_panorama(
+    camera: Callable[..., OmniCamera], world: World
+) -> None:
     at = pose(0.7, 0.1, -0.05)
     image, panorama = camera(world).mirror_image(at), camera(world).panorama(at)
     column, row = np.meshgrid(np.arange(240), np.arange(48))
@@ -132,7 +144,7 @@ def test_the_mirror_image_holds_the_panorama(camera, world):
     assert np.median(difference) == 0
 
 
-def test_beside_the_mirror_it_is_black(camera, world):
+def test_beside_the_mirror_it_is_black(camera: Callable[..., OmniCamera], world: World) -> None:
     image = camera(world, noise=5.0).mirror_image(pose())
     y, x = np.mgrid[0:160, 0:160]
     radius = np.hypot(x - 79.5, y - 79.5)
@@ -140,12 +152,14 @@ def test_beside_the_mirror_it_is_black(camera, world):
     assert image[(radius > 17) & (radius < 77)].any(axis=1).all()
 
 
-def test_the_sky_has_its_colour(camera, world):
+def test_the_sky_has_its_colour(camera: Callable[..., OmniCamera], world: World) -> None:
     panorama = camera(world).panorama(pose())
     assert panorama[0, 0].tolist() == [round(255 * share) for share in (0.9, 0.7, 0.5)]
 
 
-def test_the_floor_is_painted_as_pybullet_would_render_it(camera, world):
+def test_the_floor_is_painted_as_pybullet_would_render_it(
+    camera: Callable[..., OmniCamera], world: World
+) -> None:
     rendering = OmniCamera(world, np.random.default_rng(0), noise=0.0, renderer=faces(world))
     client = world.client
     plate = pybullet.createVisualShape(
@@ -162,7 +176,7 @@ def test_the_floor_is_painted_as_pybullet_would_render_it(camera, world):
     assert seen[79, 60].any()
 
 
-def test_nearer_walls_are_larger(camera, world):
+def test_nearer_walls_are_larger(camera: Callable[..., OmniCamera], world: World) -> None:
     def height(x: float) -> int:
         column = camera(world).panorama(pose(0.0, x))[:, 120]
         return sum(has_colour(pixel, RED) for pixel in column)
@@ -170,7 +184,9 @@ def test_nearer_walls_are_larger(camera, world):
     assert height(0.2) > height(0.0) > height(-0.2) > 0
 
 
-def test_noise_is_seeded_and_as_large_as_told(camera, world):
+def test_noise_is_seeded_and_as_large_as_told(
+    camera: Callable[..., OmniCamera], world: World
+) -> None:
     clean = camera(world).panorama(pose()).astype(int)
     first = camera(world, 1, 2.0)
     pictures = [first.panorama(pose()) for _ in range(3)]
@@ -195,7 +211,9 @@ colour = [0.9, 0.1, 0.2]
     scope="module",
     params=["corridor", "corridor-mirror", "corridor-18", "s-curve", "maze", "open-box", "posts"],
 )
-def plain(request, tmp_path_factory):
+def plain(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[World]:
     """An arena of walls and posts, and places in it."""
     name = request.param
     if name == "posts":
@@ -209,7 +227,9 @@ def plain(request, tmp_path_factory):
 
 
 @pytest.mark.parametrize(("heading", "aside"), [(0.3, 0.0), (2.0, 0.03), (-1.0, -0.04)])
-def test_the_fast_renderer_draws_what_pybullet_does(plain, heading, aside):
+def test_the_fast_renderer_draws_what_pybullet_does(
+    plain: World, heading: float, aside: float
+) -> None:
     assert suits(plain.arena, HEIGHT)
     start = plain.arena.start
     at = pose(heading, start.x + aside, start.y + aside)
@@ -225,11 +245,15 @@ def test_the_fast_renderer_draws_what_pybullet_does(plain, heading, aside):
 
 
 @pytest.mark.parametrize("with_numpy", [True, False])
-def test_pictures_are_the_same_from_a_pybullet_without_numpy(world, monkeypatch, with_numpy):
+def test_pictures_are_the_same_from_a_pybullet_without_numpy(
+    world: World, monkeypatch: pytest.MonkeyPatch, with_numpy: bool
+) -> None:
     expected = faces(world).render(pose(0.3))
     draw = pybullet.getCameraImage
 
-    def given(*arguments, **more):
+    def given(
+        *arguments: int | tuple[float, ...], **more: Any
+    ) -> tuple[int | np.ndarray | tuple[int, ...], ...]:
         width, height, pixels, depth, body = draw(*arguments, **more)
         if with_numpy:
             pixels = np.asarray(pixels, np.uint8).reshape(height, width, 4)
@@ -242,7 +266,7 @@ def test_pictures_are_the_same_from_a_pybullet_without_numpy(world, monkeypatch,
     assert (faces(world).render(pose(0.3)) == expected).all()
 
 
-def test_the_fast_renderer_is_for_plain_arenas_only():
+def test_the_fast_renderer_is_for_plain_arenas_only() -> None:
     assert not suits(load_arena("lamp-room"), HEIGHT)
     assert not suits(load_arena("toys"), HEIGHT)
     assert not suits(load_arena("corridor"), 0.10)
@@ -252,7 +276,7 @@ def test_the_fast_renderer_is_for_plain_arenas_only():
     assert suits(load_arena("corridor"), HEIGHT)
 
 
-def test_an_empty_arena_is_floor_and_sky():
+def test_an_empty_arena_is_floor_and_sky() -> None:
     empty = load_arena("corridor").model_copy(update={"wall": []})
     made = World(empty)
     seen = [

@@ -4,13 +4,17 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
+from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import zenoh
+from as_type import not_none
 from controller_helpers import PATIENCE, free_endpoint, watching
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Stamp
@@ -26,21 +30,22 @@ from macor_hil.errors import (
     WrongPictureError,
 )
 from macor_hil.hardware.cameras import Frame, open_camera
+from macor_hil.hardware.cameras.camera import Camera
 from macor_hil.hardware.cameras.camera_watch import CameraWatch
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, PictureLimits, limits_for
 from macor_hil.hardware.cameras.live_video import LiveVideoCamera, is_device
 from macor_hil.telemetry.session import open_session
 
 
-def noise(seed=0, shape=(16, 16, 3)):
+def noise(seed: int = 0, shape: tuple[int, ...] = (16, 16, 3)) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
 
 
-def opened(name, session=None):
+def opened(name: str, session: zenoh.Session | None = None) -> Camera:
     return open_camera(name, port=None, session=session, robot="khepera")
 
 
-def test_a_folder_of_images_is_shown_in_the_order_of_names(tmp_path):
+def test_a_folder_of_images_is_shown_in_the_order_of_names(tmp_path: Path) -> None:
     for number in (2, 0, 1):
         cv2.imwrite(str(tmp_path / f"{number}.png"), noise(number))
     (tmp_path / "notes.txt").write_text("no picture")
@@ -53,20 +58,20 @@ def test_a_folder_of_images_is_shown_in_the_order_of_names(tmp_path):
         camera.grab()
 
 
-def test_a_folder_with_a_broken_picture_says_which(tmp_path):
+def test_a_folder_with_a_broken_picture_says_which(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(b"flour")
     with pytest.raises(CameraError, match=r"cannot read the picture .*a\.png"):
         opened(f"images:{tmp_path}").grab()
 
 
 @pytest.mark.parametrize(("name", "says"), [("empty", "no pictures"), ("none", "cannot read")])
-def test_a_folder_without_pictures_is_refused(tmp_path, name, says):
+def test_a_folder_without_pictures_is_refused(tmp_path: Path, name: str, says: str) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(CameraError, match=says):
         opened(f"images:{tmp_path / name}")
 
 
-def test_a_video_file_is_shown_to_its_end(tmp_path):
+def test_a_video_file_is_shown_to_its_end(tmp_path: Path) -> None:
     path = str(tmp_path / "drive.avi")
     writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 64))
     for level in (50, 100, 150):
@@ -85,35 +90,37 @@ def test_a_video_file_is_shown_to_its_end(tmp_path):
     ("name", "device"),
     [("0", True), ("/dev/video0", True), ("rtsp://cam/1", True), ("drive.mp4", False)],
 )
-def test_what_shows_the_present(name, device):
+def test_what_shows_the_present(name: str, device: bool) -> None:
     assert is_device(name) == device
 
 
 class FakeCapture:
     """A video device that gives what is put into it, and waits meanwhile."""
 
-    def __init__(self, opened=True):
-        self.pictures = SimpleQueue()
+    def __init__(self, opened: bool = True) -> None:
+        self.pictures: SimpleQueue[np.ndarray | None] = SimpleQueue()
         self.opened = opened
         self.released = False
         self.reads = threading.Semaphore(0)
 
-    def isOpened(self):
+    def isOpened(self) -> bool:
         return self.opened
 
-    def read(self):
+    def read(self) -> tuple[bool, np.ndarray | None]:
         self.reads.release()
         picture = self.pictures.get(timeout=PATIENCE)
         return picture is not None, picture
 
-    def get(self, _):
+    def get(self, _: int) -> float:
         return 16.0
 
-    def release(self):
+    def release(self) -> None:
         self.released = True
 
 
-def test_a_live_video_gives_no_picture_that_was_begun_before_it_was_asked_for(monkeypatch):
+def test_a_live_video_gives_no_picture_that_was_begun_before_it_was_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     waits = threading.Semaphore(0)
     monkeypatch.setattr(
         "macor_hil.hardware.cameras.live_video.time.sleep", lambda _: waits.release()
@@ -121,7 +128,7 @@ def test_a_live_video_gives_no_picture_that_was_begun_before_it_was_asked_for(mo
     device = FakeCapture()
     camera = LiveVideoCamera("0", lambda _: device)
     device.reads.acquire()  # it is being read
-    got = SimpleQueue()
+    got: SimpleQueue[Frame] = SimpleQueue()
     thread = threading.Thread(target=lambda: got.put(camera.grab()))
     thread.start()
     assert waits.acquire(timeout=PATIENCE)
@@ -134,7 +141,7 @@ def test_a_live_video_gives_no_picture_that_was_begun_before_it_was_asked_for(mo
     assert device.released
 
 
-def test_a_live_video_that_was_unplugged_is_opened_again():
+def test_a_live_video_that_was_unplugged_is_opened_again() -> None:
     devices = [FakeCapture(), FakeCapture()]
     for device in devices:
         device.pictures.put(None)
@@ -143,17 +150,17 @@ def test_a_live_video_that_was_unplugged_is_opened_again():
     devices[1].pictures.get()
     left = iter(devices)
     camera = LiveVideoCamera("0", lambda _: next(left))
-    np.testing.assert_array_equal(camera.grab().image[0, 0], camera._newest.image[0, 0])
+    np.testing.assert_array_equal(camera.grab().image[0, 0], not_none(camera._newest).image[0, 0])
     assert devices[0].released
     devices[1].pictures.put(noise(9))
     camera.close()
 
 
-def test_a_live_video_whose_reader_has_died_is_lost(monkeypatch):
-    heard = []
+def test_a_live_video_whose_reader_has_died_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard: list[threading.ExceptHookArgs] = []
     monkeypatch.setattr(threading, "excepthook", heard.append)
     device = FakeCapture()
-    device.read = lambda: 1 / 0
+    monkeypatch.setattr(device, "read", lambda: 1 / 0)
     camera = LiveVideoCamera("0", lambda _: device)
     with pytest.raises(CameraLostError, match=r"read no more: .*ZeroDivisionError"):
         camera.grab()
@@ -161,7 +168,7 @@ def test_a_live_video_whose_reader_has_died_is_lost(monkeypatch):
     assert heard
 
 
-def test_a_live_video_in_grey_is_a_wrong_picture():
+def test_a_live_video_in_grey_is_a_wrong_picture() -> None:
     device = FakeCapture()
     camera = LiveVideoCamera("0", lambda _: device)
     device.pictures.put(noise(shape=(16, 16)))
@@ -170,9 +177,9 @@ def test_a_live_video_in_grey_is_a_wrong_picture():
     camera.close()
 
 
-def test_a_video_too_large_to_be_decoded_is_refused():
+def test_a_video_too_large_to_be_decoded_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     device = FakeCapture()
-    device.get = lambda _: 40_000.0
+    monkeypatch.setattr(device, "get", lambda _: 40_000.0)
     with pytest.raises(WrongPictureError, match="40000 x 40000 pixels"):
         LiveVideoCamera("0", lambda _: device)
     assert device.released
@@ -181,21 +188,21 @@ def test_a_video_too_large_to_be_decoded_is_refused():
 class StreamServer:
     """A network camera, JPEG pictures over HTTP; its first connection can go silent."""
 
-    def __init__(self, picture):
+    def __init__(self, picture: bytes) -> None:
         self._picture = picture
         self._server = socket.create_server(("127.0.0.1", 0))
         self.address = f"http://127.0.0.1:{self._server.getsockname()[1]}/stream"
         self.silent = threading.Event()
-        self.connections = []
+        self.connections: list[socket.socket] = []
         threading.Thread(target=self._serve, daemon=True).start()
 
-    def _serve(self):
+    def _serve(self) -> None:
         with suppress(OSError):  # the server is closed
             while True:
                 self.connections.append(self._server.accept()[0])
                 threading.Thread(target=self._send, args=self.connections[-1:]).start()
 
-    def _send(self, connection):
+    def _send(self, connection: socket.socket) -> None:
         head = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=b\r\n\r\n"
         part = b"--b\r\nContent-Type: image/jpeg\r\n\r\n" + self._picture + b"\r\n"
         first = len(self.connections) == 1
@@ -206,14 +213,16 @@ class StreamServer:
                 connection.sendall(part)
                 time.sleep(0.01)
 
-    def close(self):
+    def close(self) -> None:
         for end in (self._server, *self.connections):
             with suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
             end.close()
 
 
-def test_a_network_camera_that_goes_silent_is_opened_again_within_seconds(monkeypatch):
+def test_a_network_camera_that_goes_silent_is_opened_again_within_seconds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("macor_hil.hardware.cameras.video._SILENCE", 0.5)
     with closing(StreamServer(cv2.imencode(".jpg", noise(shape=(64, 64, 3)))[1].tobytes())) as net:
         camera = LiveVideoCamera(net.address)
@@ -230,13 +239,13 @@ def test_a_network_camera_that_goes_silent_is_opened_again_within_seconds(monkey
         camera.close()
 
 
-def test_a_video_device_that_is_not_there_is_named():
+def test_a_video_device_that_is_not_there_is_named() -> None:
     with pytest.raises(CameraError, match="cannot open the video source '7'"):
         LiveVideoCamera("7", lambda _: FakeCapture(opened=False))
 
 
 @pytest.mark.parametrize("name", ["9" * 20, "no://where"])
-def test_a_video_source_that_cannot_be_is_named(name):
+def test_a_video_source_that_cannot_be_is_named(name: str) -> None:
     with pytest.raises(CameraError, match="cannot open the video source"):
         opened(f"video:{name}")
 
@@ -244,11 +253,11 @@ def test_a_video_source_that_cannot_be_is_named(name):
 PNG = cv2.imencode(".png", noise())[1].tobytes()
 
 
-def test_a_source_that_only_publishes_is_heard():
+def test_a_source_that_only_publishes_is_heard() -> None:
     endpoint = free_endpoint()
     with watching(endpoint) as (watcher,), open_session([endpoint], []) as source:
         camera = opened("zenoh:any/key", watcher)
-        got = SimpleQueue()
+        got: SimpleQueue[Frame] = SimpleQueue()
         thread = threading.Thread(target=lambda: got.put(camera.grab()))
         thread.start()
         with source.declare_publisher("any/key") as publisher:
@@ -267,11 +276,13 @@ def test_a_source_that_only_publishes_is_heard():
         (PNG, b"now", "no time stamp"),
     ],
 )
-def test_an_answer_that_is_no_picture_is_named(payload, attachment, says):
+def test_an_answer_that_is_no_picture_is_named(
+    payload: bytes, attachment: bytes | None, says: str
+) -> None:
     endpoint = free_endpoint()
     with open_session([endpoint], []) as source, watching(endpoint) as (watcher,):
 
-        def answer(query):
+        def answer(query: zenoh.Query) -> None:
             with query:
                 query.reply("any/key", payload, attachment=attachment)
 
@@ -283,12 +294,12 @@ def test_an_answer_that_is_no_picture_is_named(payload, attachment, says):
             camera.grab()
 
 
-def test_an_answer_is_placed_by_its_stamp():
+def test_an_answer_is_placed_by_its_stamp() -> None:
     endpoint = free_endpoint()
     stamp = Stamp(sequence=5, time=1.25).model_dump_json()
     with open_session([endpoint], []) as source, watching(endpoint) as (watcher,):
 
-        def answer(query):
+        def answer(query: zenoh.Query) -> None:
             with query:
                 query.reply("any/key", PNG, attachment=stamp)
 
@@ -297,10 +308,10 @@ def test_an_answer_is_placed_by_its_stamp():
     assert (frame.sequence, frame.time) == (5, 1.25)
 
 
-def answering(session, payload, **options):
+def answering(session: zenoh.Session, payload: bytes, **options: Any) -> zenoh.Queryable[None]:
     """A queryable that answers with a picture, or what it is given."""
 
-    def answer(query):
+    def answer(query: zenoh.Query) -> None:
         with query:
             query.reply("any/key", payload, timestamp=session.new_timestamp())
 
@@ -308,7 +319,7 @@ def answering(session, payload, **options):
 
 
 @contextmanager
-def three_sessions():
+def three_sessions() -> Iterator[tuple[zenoh.Session, zenoh.Session, zenoh.Session]]:
     """Of the camera's owner, of who drives, and of a stranger who connects to both."""
     source, driver = free_endpoint(), free_endpoint()
     with (
@@ -324,7 +335,9 @@ OTHER = cv2.imencode(".png", noise(9))[1].tobytes()
 
 @pytest.mark.parametrize("payload", [OTHER, b"flour", b""])
 @pytest.mark.parametrize("complete", [False, True])
-def test_a_stranger_s_pictures_are_not_taken(payload, complete, caplog):
+def test_a_stranger_s_pictures_are_not_taken(
+    payload: bytes, complete: bool, caplog: pytest.LogCaptureFixture
+) -> None:
     with three_sessions() as (owner, driving, stranger), answering(owner, PNG):
         camera = opened("zenoh:any/key", driving)
         camera.grab()
@@ -335,9 +348,9 @@ def test_a_stranger_s_pictures_are_not_taken(payload, complete, caplog):
     assert "1 other sources answer" in caplog.text
 
 
-def until_answers(session, number):
+def until_answers(session: zenoh.Session, number: int) -> None:
     """Wait until so many sources answer."""
-    options = {
+    options: dict[str, Any] = {
         "target": zenoh.QueryTarget.ALL,
         "consolidation": zenoh.ConsolidationMode.NONE,
         "timeout": PATIENCE,
@@ -347,8 +360,8 @@ def until_answers(session, number):
         assert time.monotonic() < end
 
 
-def test_a_stranger_who_keeps_his_answer_back_delays_nothing():
-    kept = []
+def test_a_stranger_who_keeps_his_answer_back_delays_nothing() -> None:
+    kept: list[zenoh.Query] = []
     with three_sessions() as (owner, driving, stranger), answering(owner, PNG):
         camera = CheckedCamera(opened("zenoh:any/key", driving), PictureLimits(repeats=10_000))
         camera.grab()
@@ -359,7 +372,7 @@ def test_a_stranger_who_keeps_his_answer_back_delays_nothing():
         kept.clear()
 
 
-def test_the_camera_is_not_chosen_among_several():
+def test_the_camera_is_not_chosen_among_several() -> None:
     with (
         three_sessions() as (owner, driving, stranger),
         answering(owner, PNG),
@@ -370,7 +383,7 @@ def test_the_camera_is_not_chosen_among_several():
             opened("zenoh:any/key", driving).grab()
 
 
-def test_a_camera_that_was_started_again_is_followed_once_the_change_was_told():
+def test_a_camera_that_was_started_again_is_followed_once_the_change_was_told() -> None:
     endpoint = free_endpoint()
     told = 0
     with open_session([endpoint], []) as driving:
@@ -387,7 +400,7 @@ def test_a_camera_that_was_started_again_is_followed_once_the_change_was_told():
     assert told > 0
 
 
-def test_a_stranger_does_not_take_the_place_of_a_camera_that_has_gone():
+def test_a_stranger_does_not_take_the_place_of_a_camera_that_has_gone() -> None:
     with three_sessions() as (owner, driving, stranger), answering(stranger, OTHER):
         camera = opened("zenoh:any/key", driving)
         until_answers(driving, 1)
@@ -402,12 +415,12 @@ def test_a_stranger_does_not_take_the_place_of_a_camera_that_has_gone():
 
 
 @pytest.mark.parametrize("key", ["khepera/**", "", "a//b", "/a", "a?b"])
-def test_a_key_on_which_no_camera_can_be_is_refused(key):
+def test_a_key_on_which_no_camera_can_be_is_refused(key: str) -> None:
     with open_session([free_endpoint()], []) as session, pytest.raises(CameraError):
         opened(f"zenoh:{key or '*'}", session)
 
 
-def test_a_session_that_was_closed_is_a_lost_camera():
+def test_a_session_that_was_closed_is_a_lost_camera() -> None:
     with open_session([free_endpoint()], []) as session:
         camera = opened("zenoh:any/key", session)
     with pytest.raises(CameraLostError, match="session closed"):
@@ -417,13 +430,15 @@ def test_a_session_that_was_closed_is_a_lost_camera():
 class Pictures:
     """A camera that shows what it is given, then fails."""
 
-    def __init__(self, *images, live=True, act=lambda: None):
+    def __init__(
+        self, *images: np.ndarray, live: bool = True, act: Callable[[], object] = lambda: None
+    ) -> None:
         self.live = live
         self.images = list(images)
         self.act = act
         self.grabbed = threading.Semaphore(0)
 
-    def grab(self):
+    def grab(self) -> Frame:
         self.act()
         self.grabbed.release()
         if not self.images:
@@ -431,7 +446,7 @@ class Pictures:
         image = self.images.pop(0) if len(self.images) > 1 else self.images[0]
         return Frame(image, 0.0, 0)
 
-    def close(self):
+    def close(self) -> None:
         pass
 
 
@@ -449,19 +464,21 @@ LIMITS = PictureLimits(size=(16, 16))
         (noise() // 32 + 90, CameraFlatError),  # grey, and noise
     ],
 )
-def test_a_picture_that_cannot_be_used_is_named(image, error):
+def test_a_picture_that_cannot_be_used_is_named(
+    image: np.ndarray, error: type[WrongPictureError]
+) -> None:
     with pytest.raises(error):
         CheckedCamera(Pictures(image), LIMITS).grab()
 
 
-def test_a_night_with_a_lamp_in_it_is_not_dark():
+def test_a_night_with_a_lamp_in_it_is_not_dark() -> None:
     image = noise() // 12
     image[:8, :8] = 200
     assert CheckedCamera(Pictures(image), LIMITS).grab().image is image
 
 
 @pytest.mark.parametrize("level", [255, 128])
-def test_a_mirror_in_which_nothing_can_be_seen_is_flat_whatever_is_around_it(level):
+def test_a_mirror_in_which_nothing_can_be_seen_is_flat_whatever_is_around_it(level: int) -> None:
     mirror = Mirror()
     disc = cv2.circle(np.zeros((160, 160, 3), np.uint8), (80, 80), 78, (level,) * 3, -1)
     disc = cv2.GaussianBlur(disc, (3, 3), 1)
@@ -469,13 +486,13 @@ def test_a_mirror_in_which_nothing_can_be_seen_is_flat_whatever_is_around_it(lev
         CheckedCamera(Pictures(disc), limits_for(mirror)).grab()
 
 
-def test_two_colours_of_equal_brightness_are_not_flat():
+def test_two_colours_of_equal_brightness_are_not_flat() -> None:
     image = np.zeros((16, 16, 3), np.uint8)
     image[:, :8, 1] = image[:, 8:, 2] = 200
     CheckedCamera(Pictures(image), LIMITS).grab()
 
 
-def test_a_live_camera_that_shows_the_same_picture_again_is_frozen():
+def test_a_live_camera_that_shows_the_same_picture_again_is_frozen() -> None:
     camera = CheckedCamera(Pictures(noise(1), noise(2), noise(2), noise(3)), LIMITS)
     camera.grab()
     camera.grab()
@@ -484,29 +501,29 @@ def test_a_live_camera_that_shows_the_same_picture_again_is_frozen():
     camera.grab()  # it thaws
 
 
-def test_a_recording_may_show_the_same_picture_again():
+def test_a_recording_may_show_the_same_picture_again() -> None:
     camera = CheckedCamera(Pictures(noise(), live=False), LIMITS)
     assert camera.grab() == camera.grab()
 
 
-def test_a_picture_that_takes_too_long_is_late(monkeypatch):
+def test_a_picture_that_takes_too_long_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr("macor_hil.hardware.cameras.checked_camera.time.monotonic", lambda: now[0])
 
-    def take():
+    def take() -> None:
         now[0] += 0.6
 
     with pytest.raises(CameraLateError, match=r"took 0\.60 s"):
         CheckedCamera(Pictures(noise(), act=take), LIMITS).grab()
 
 
-def drive_on(watch):
+def drive_on(watch: CameraWatch) -> None:
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
         watch.guard()
 
 
-def test_the_watch_tells_of_a_camera_that_fails_while_the_robot_drives():
+def test_the_watch_tells_of_a_camera_that_fails_while_the_robot_drives() -> None:
     camera = Pictures()
     with CameraWatch(camera, limit=60.0) as watch:
         watch.guard()
@@ -515,7 +532,7 @@ def test_the_watch_tells_of_a_camera_that_fails_while_the_robot_drives():
             drive_on(watch)
 
 
-def test_the_watch_tells_of_a_camera_that_hangs():
+def test_the_watch_tells_of_a_camera_that_hangs() -> None:
     hang = threading.Event()
     camera = Pictures(noise(), act=lambda: hang.wait(PATIENCE))
     with CameraWatch(camera, limit=0.05) as watch:
@@ -524,27 +541,33 @@ def test_the_watch_tells_of_a_camera_that_hangs():
         hang.set()
 
 
-def test_a_watch_that_dies_is_heard_at_once_and_begins_anew_with_the_next_drive(monkeypatch):
-    printed = []
+def test_a_watch_that_dies_is_heard_at_once_and_begins_anew_with_the_next_drive(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    printed: list[threading.ExceptHookArgs] = []
     monkeypatch.setattr(threading, "excepthook", printed.append)
     camera = Pictures(noise(), act=lambda: 1 / 0)
     with CameraWatch(camera, limit=60.0) as watch:
         for number in (1, 2):
             with pytest.raises(CameraLostError, match=r"watched no more: .* division by zero"):
                 drive_on(watch)
-            watch._thread.join(PATIENCE)
+            not_none(watch._thread).join(PATIENCE)
             assert len(printed) == number
         camera.act = lambda: None
         watch.guard()
         assert camera.grabbed.acquire(timeout=PATIENCE)
 
 
-def test_the_end_of_the_watch_does_not_wait_for_a_picture():
-    hang, too_late = threading.Event(), []
-    camera = Pictures(noise(), act=lambda: hang.wait(3.0) or too_late.append(1))
-    began = threading.Event()
-    grab = camera.grab
-    camera.grab = lambda: began.set() or grab()
+def test_the_end_of_the_watch_does_not_wait_for_a_picture() -> None:
+    began, hang = threading.Event(), threading.Event()
+    too_late: list[int] = []
+
+    def act() -> None:
+        began.set()
+        if not hang.wait(3.0):
+            too_late.append(1)
+
+    camera = Pictures(noise(), act=act)
     with CameraWatch(camera, limit=60.0) as watch:
         watch.guard()
         assert began.wait(PATIENCE)
@@ -552,11 +575,11 @@ def test_the_end_of_the_watch_does_not_wait_for_a_picture():
     hang.set()
 
 
-def interrupt_after(calls):
+def interrupt_after(calls: int) -> None:
     """Have a KeyboardInterrupt come after so many calls of C functions, as a signal may."""
     left = calls
 
-    def profile(_frame, event, _argument):
+    def profile(_frame: Any, event: str, _argument: Any) -> None:
         nonlocal left
         left -= event == "c_return"
         if left == 0:
@@ -566,7 +589,7 @@ def interrupt_after(calls):
     sys.setprofile(profile)
 
 
-def test_the_watch_ends_wherever_a_signal_comes():
+def test_the_watch_ends_wherever_a_signal_comes() -> None:
     interrupted = True
     calls = 0
     while interrupted:
@@ -589,9 +612,9 @@ def test_the_watch_ends_wherever_a_signal_comes():
     assert calls > 3
 
 
-def test_a_live_video_works_on_wherever_a_signal_comes():
+def test_a_live_video_works_on_wherever_a_signal_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     device = FakeCapture()
-    device.read = lambda: (True, noise())
+    monkeypatch.setattr(device, "read", lambda: (True, noise()))
     camera = LiveVideoCamera("0", lambda _: device)
     interrupted, calls = True, 0
     while interrupted:
@@ -612,14 +635,14 @@ def test_a_live_video_works_on_wherever_a_signal_comes():
     assert calls > 3
 
 
-def test_nothing_is_grabbed_while_nobody_drives():
+def test_nothing_is_grabbed_while_nobody_drives() -> None:
     camera = Pictures(noise())
     with CameraWatch(camera):
         assert not camera.grabbed.acquire(timeout=0.1)
 
 
 @pytest.mark.parametrize(("live", "limit"), [(False, 0.2), (True, 0.0)])
-def test_recordings_and_watches_without_a_limit_are_left_alone(live, limit):
+def test_recordings_and_watches_without_a_limit_are_left_alone(live: bool, limit: float) -> None:
     camera = Pictures(noise(), live=live)
     with CameraWatch(camera, limit) as watch:
         watch.guard()

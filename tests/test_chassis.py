@@ -1,5 +1,6 @@
 """The body: exact kinematics in the open, the same in PyBullet, contacts at walls, and no seam."""
 
+from collections.abc import Iterator
 from math import degrees, pi, radians
 
 import numpy as np
@@ -8,7 +9,7 @@ from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 
 from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.body.chassis import Chassis
-from khepera_emulator.models import KHEPERA, KHEPERA2
+from khepera_emulator.models import KHEPERA, KHEPERA2, Model
 from khepera_emulator.robot.robot import Robot
 from khepera_emulator.world.world import World
 
@@ -20,7 +21,7 @@ NO_SLIP = (0.0, 0.0)
 
 
 @pytest.fixture
-def world(request):
+def world(request: pytest.FixtureRequest) -> Iterator[World]:
     walls = getattr(request, "param", [])
     arena = {
         "version": 1,
@@ -42,7 +43,9 @@ def chassis(world: World, x: float = 0.0, y: float = 0.0, heading: float = 0.0) 
     return Chassis(world, KHEPERA, IDEAL, Pose(x=x, y=y, heading=heading))
 
 
-def roll(driven: Chassis, world: World, ways, dynamics: bool):
+def roll(
+    driven: Chassis, world: World, ways: tuple[float, float], dynamics: bool
+) -> tuple[float, float]:
     """A control period, by PyBullet or without it; the ways that the wheels turned."""
     if not dynamics:
         return driven.roll(ways, NO_SLIP)
@@ -53,7 +56,7 @@ def roll(driven: Chassis, world: World, ways, dynamics: bool):
 
 
 @pytest.mark.parametrize("dynamics", [False, True])
-def test_a_straight_drive(world, dynamics):
+def test_a_straight_drive(world: World, dynamics: bool) -> None:
     driven = chassis(world)
     turned = np.sum([roll(driven, world, STRAIGHT, dynamics) for _ in range(1000)], axis=0)
     assert driven.x == pytest.approx(0.4, rel=0.005)
@@ -63,7 +66,7 @@ def test_a_straight_drive(world, dynamics):
 
 
 @pytest.mark.parametrize("dynamics", [False, True])
-def test_a_turn_on_the_spot(world, dynamics):
+def test_a_turn_on_the_spot(world: World, dynamics: bool) -> None:
     driven = chassis(world)
     for _ in range(500):
         roll(driven, world, (-0.0004, 0.0004), dynamics)
@@ -71,7 +74,7 @@ def test_a_turn_on_the_spot(world, dynamics):
     assert (driven.x, driven.y) == pytest.approx((0.0, 0.0), abs=0.001)
 
 
-def test_an_arc_is_the_same_in_both(world):
+def test_an_arc_is_the_same_in_both(world: World) -> None:
     free, rigid = chassis(world), chassis(world, 1.0)
     for _ in range(300):
         free.roll((0.0003, 0.0005), NO_SLIP)
@@ -82,7 +85,7 @@ def test_an_arc_is_the_same_in_both(world):
 
 
 @AHEAD
-def test_a_wall_stops_the_body_and_the_wheels_slip(world):
+def test_a_wall_stops_the_body_and_the_wheels_slip(world: World) -> None:
     driven = chassis(world)
     turned = np.sum([driven.roll(STRAIGHT, NO_SLIP) for _ in range(400)], axis=0)
     assert driven.contact
@@ -93,7 +96,7 @@ def test_a_wall_stops_the_body_and_the_wheels_slip(world):
 
 
 @AHEAD
-def test_nothing_is_touched_short_of_the_wall(world):
+def test_nothing_is_touched_short_of_the_wall(world: World) -> None:
     driven = chassis(world, x=0.100 - KHEPERA.radius - 0.0015)
     driven.roll((0.0, 0.0), NO_SLIP)
     driven.roll((1e-5, 1e-5), NO_SLIP)
@@ -101,7 +104,7 @@ def test_nothing_is_touched_short_of_the_wall(world):
 
 
 @AHEAD
-def test_a_robot_backs_off_from_a_wall(world):
+def test_a_robot_backs_off_from_a_wall(world: World) -> None:
     driven = chassis(world, x=0.07)
     for _ in range(50):
         driven.roll(STRAIGHT, NO_SLIP)
@@ -113,7 +116,7 @@ def test_a_robot_backs_off_from_a_wall(world):
 
 
 @AHEAD
-def test_contact_ends_with_the_first_millimetre(world):
+def test_contact_ends_with_the_first_millimetre(world: World) -> None:
     driven = chassis(world, x=0.07)
     for _ in range(50):
         driven.roll(STRAIGHT, NO_SLIP)
@@ -125,7 +128,7 @@ def test_contact_ends_with_the_first_millimetre(world):
 
 
 @BESIDE
-def test_a_robot_that_meets_a_wall_aslant_slides_along_it(world):
+def test_a_robot_that_meets_a_wall_aslant_slides_along_it(world: World) -> None:
     driven = chassis(world, heading=radians(20))
     places = []
     for _ in range(600):
@@ -141,7 +144,7 @@ def test_a_robot_that_meets_a_wall_aslant_slides_along_it(world):
 
 
 @AHEAD
-def test_the_way_from_kinematics_to_dynamics_has_no_jump(world):
+def test_the_way_from_kinematics_to_dynamics_has_no_jump(world: World) -> None:
     driven = chassis(world)
     steps = []
     for _ in range(170):
@@ -152,7 +155,7 @@ def test_the_way_from_kinematics_to_dynamics_has_no_jump(world):
 
 
 @AHEAD
-def test_a_large_slip_never_turns_a_wheel_round(world):
+def test_a_large_slip_never_turns_a_wheel_round(world: World) -> None:
     driven = chassis(world, x=0.071)
     for slip in (-5.0, -1.0, -0.99, 3.0):
         turned = driven.roll(STRAIGHT, (slip, slip))
@@ -160,7 +163,7 @@ def test_a_large_slip_never_turns_a_wheel_round(world):
         assert max(turned) <= 0.001
 
 
-def test_placing_forgets_the_past(world):
+def test_placing_forgets_the_past(world: World) -> None:
     driven = chassis(world)
     for _ in range(10):
         driven.roll((0.001, 0.0005), NO_SLIP)
@@ -171,7 +174,7 @@ def test_placing_forgets_the_past(world):
     assert (driven.x, driven.y) == pytest.approx((0.5, -0.46))
 
 
-def test_heading_of_the_pose_lies_in_one_turn(world):
+def test_heading_of_the_pose_lies_in_one_turn(world: World) -> None:
     driven = chassis(world, heading=3.0)
     for _ in range(1000):
         driven.roll((-0.0004, 0.0004), NO_SLIP)
@@ -180,7 +183,7 @@ def test_heading_of_the_pose_lies_in_one_turn(world):
 
 @AHEAD
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2])
-def test_truth_tells_of_contacts(world, model):
+def test_truth_tells_of_contacts(world: World, model: Model) -> None:
     pose = Pose(x=0.0, y=0.0, heading=0.0)
     robot = Robot(world, model, pose, NO_DRIFT, np.random.default_rng(0))
     assert not robot.truth().contact
@@ -198,7 +201,7 @@ def test_truth_tells_of_contacts(world, model):
     assert robot.truth().speed == (0.0, 0.0)
 
 
-def test_truth_of_a_robot_at_rest_has_no_speed(world):
+def test_truth_of_a_robot_at_rest_has_no_speed(world: World) -> None:
     pose = Pose(x=0.0, y=0.0, heading=0.0)
     robot = Robot(world, KHEPERA, pose, NO_DRIFT, np.random.default_rng(0))
     for wheel in robot.wheels:

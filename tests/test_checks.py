@@ -88,11 +88,11 @@ class Backwards(Plain):
 
 
 class Bright(Plain):
-    dtype = np.float64
+    dtype = np.float64  # type: ignore[assignment]
 
 
 class Undecided(Plain):
-    live = None
+    live = None  # type: ignore[assignment]
 
 
 class Anything(Plain):

@@ -9,11 +9,11 @@ from khepera_emulator.robot.choices import Choices, option_names, parse_choices
 from khepera_emulator.robot.tools import LOADER_DONE, LOADER_ERROR, load_record
 
 
-def test_no_switch_is_the_default():
+def test_no_switch_is_the_default() -> None:
     assert parse_choices([]) == Choices()
 
 
-def test_switches_and_values():
+def test_switches_and_values() -> None:
     items = [
         "reject-beyond",
         "reached-within=2",
@@ -38,12 +38,12 @@ def test_switches_and_values():
         ("rom-name=K\n", "printable"),
     ],
 )
-def test_wrong_switch(item, reason):
+def test_wrong_switch(item: str, reason: str) -> None:
     with pytest.raises(EmulatorError, match=reason):
         parse_choices([item])
 
 
-def test_every_switch_has_a_name():
+def test_every_switch_has_a_name() -> None:
     assert len(option_names()) == 14
 
 
@@ -63,11 +63,11 @@ def test_every_switch_has_a_name():
         (b"", None),
     ],
 )
-def test_the_loader_reads_records(line, said):
+def test_the_loader_reads_records(line: bytes, said: str | None) -> None:
     assert load_record(line) == said
 
 
-def test_the_page_of_choices_is_complete():
+def test_the_page_of_choices_is_complete() -> None:
     page = (Path(__file__).parents[1] / "docs" / "khepera-choices.md").read_text()
     rows = [line.split("|")[1].strip() for line in page.splitlines() if line.startswith("| ")]
     numbers = sorted(int(number) for number in rows if number.isdecimal())

@@ -137,8 +137,8 @@ def test_parts_of_a_file_are_used_where_they_are_allowed(tmp_path: Path) -> None
     own = ("--clusterer", f"{file}:Coarse", "--memory", f"diary={file}:Diary")
     done("train", *SHORT, "--map", str(path), *own, "--planner", f"{file}:Reader")
     assert list(load_map(path, [f"{file}:Coarse", f"{file}:Diary"])[0].memories) == ["diary"]
-    drive = ("run", "--map", str(path), "--commands", "2", *UNWATCHED)
-    drive += ("--planner", f"{file}:Reader", "--set", "planner.courage=0.1")
+    drive: tuple[str, ...] = ("run", "--map", str(path), "--commands", "2", *UNWATCHED)
+    drive = (*drive, "--planner", f"{file}:Reader", "--set", "planner.courage=0.1")
     assert "allow that with --allow" in refused(*drive)
     allow = ("--allow", f"{file}:Coarse", "--allow", f"{file}:Diary")
     assert "2 commands" in done(*drive, *allow)

@@ -1,6 +1,7 @@
 """Pushing against walls: the body's own impulses against PyBullet's, and what they must obey."""
 
 from math import cos, degrees, hypot, radians, sin
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -9,7 +10,7 @@ from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 from worlds import arena
 
 from khepera_emulator.body.chassis import Chassis
-from khepera_emulator.models import KHEPERA, KHEPERA2
+from khepera_emulator.models import KHEPERA, KHEPERA2, Model
 from khepera_emulator.world.world import World
 
 IDEAL = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
@@ -19,7 +20,15 @@ AHEAD = [{"points": [[0.105, -3.0], [0.105, 3.0]]}]
 START = 0.1 - 0.0005 - KHEPERA.radius
 
 
-def drive(walls, pose, speeds, periods, *, rigid=False, model=KHEPERA):
+def drive(
+    walls: list[dict[str, Any]],
+    pose: Pose,
+    speeds: tuple[float, float],
+    periods: int,
+    *,
+    rigid: bool = False,
+    model: Model = KHEPERA,
+) -> tuple[np.ndarray, Chassis]:
     """Poses after each period of a robot whose wheels turn at speeds in m/s; and the robot."""
     world = World(arena(wall=walls))
     body = Chassis(world, model, IDEAL, pose)
@@ -44,7 +53,7 @@ def drive(walls, pose, speeds, periods, *, rigid=False, model=KHEPERA):
     [(0.04, 0.04), (0.12, 0.12), (0.05, 0.03), (0.03, 0.05), (0.04, 0.0), (-0.04, 0.04)],
     ids=str,
 )
-def test_a_second_at_a_wall_is_as_in_pybullet(angle, speeds):
+def test_a_second_at_a_wall_is_as_in_pybullet(angle: int, speeds: tuple[float, float]) -> None:
     """Return where the body slides and how it turns.
 
     PyBullet's tyres, once they slip, hold better aside than ahead; so bodies that meet a wall at a
@@ -60,7 +69,7 @@ def test_a_second_at_a_wall_is_as_in_pybullet(angle, speeds):
     assert own[:, 0].max() < 0.1 - KHEPERA.radius + 0.0001
 
 
-def test_over_all_angles_it_is_near_pybullet():
+def test_over_all_angles_it_is_near_pybullet() -> None:
     ways, turns = [], []
     for angle in range(0, 90, 15):
         for speeds in ((0.04, 0.04), (0.05, 0.03), (0.03, 0.05), (0.04, 0.0)):
@@ -73,14 +82,14 @@ def test_over_all_angles_it_is_near_pybullet():
     assert np.sqrt(np.mean(np.square(turns))) < 12.0
 
 
-def test_head_on_the_body_stands_and_both_tyres_slip():
+def test_head_on_the_body_stands_and_both_tyres_slip() -> None:
     places, body = drive(AHEAD, Pose(x=0.0, y=0.0, heading=0.0), (0.1, 0.1), 300)
     assert places[-1] == pytest.approx([0.1 - KHEPERA.radius, 0.0, 0.0], abs=1e-6)
     assert body.contact
     assert body.ground_speed == pytest.approx((0.0, 0.0), abs=1e-4)
 
 
-def test_both_sides_are_alike():
+def test_both_sides_are_alike() -> None:
     pose = Pose(x=START, y=0.0, heading=radians(50))
     mirrored = Pose(x=START, y=0.0, heading=radians(-50))
     left, _ = drive(AHEAD, pose, (0.05, 0.03), 200)
@@ -89,7 +98,7 @@ def test_both_sides_are_alike():
     assert left == pytest.approx(right * [1, -1, -1], abs=2e-3)
 
 
-def test_a_corner_holds_the_body():
+def test_a_corner_holds_the_body() -> None:
     walls = [{"points": [[-1.0, 0.105], [0.105, 0.105], [0.105, -1.0]]}]
     places, body = drive(walls, Pose(x=0.05, y=0.03, heading=radians(60)), (0.08, 0.08), 500)
     inner = 0.1 - KHEPERA.radius
@@ -100,7 +109,7 @@ def test_a_corner_holds_the_body():
 
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2])
 @pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
-def test_no_speed_drives_into_anything(model, speed):
+def test_no_speed_drives_into_anything(model: Model, speed: float) -> None:
     parts = {
         "wall": [{"points": [[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3]]}],
         "cylinder": [{"centre": [0.1, 0.1], "radius": 0.03}],
@@ -120,7 +129,7 @@ def test_no_speed_drives_into_anything(model, speed):
     assert touched > 50
 
 
-def test_pushing_never_speeds_the_body_up():
+def test_pushing_never_speeds_the_body_up() -> None:
     for angle in range(0, 91, 10):
         pose = Pose(x=START, y=0.0, heading=radians(angle))
         places, _ = drive(AHEAD, pose, (0.04, 0.04), 150)
@@ -128,7 +137,7 @@ def test_pushing_never_speeds_the_body_up():
         assert np.hypot(*steps.T).max() <= 0.0004 + 1e-6
 
 
-def test_contact_ends_when_the_body_leaves():
+def test_contact_ends_when_the_body_leaves() -> None:
     world = World(arena(wall=AHEAD))
     body = Chassis(world, KHEPERA, IDEAL, Pose(x=START, y=0.0, heading=radians(40)))
     for _ in range(50):
@@ -146,7 +155,7 @@ def test_contact_ends_when_the_body_leaves():
     )
 
 
-def test_a_robot_at_a_wall_comes_to_rest():
+def test_a_robot_at_a_wall_comes_to_rest() -> None:
     _, body = drive(AHEAD, Pose(x=START, y=0.0, heading=0.3), (0.04, 0.04), 100)
     for _ in range(3):
         body.roll((0.0, 0.0), (0.0, 0.0))
@@ -156,7 +165,7 @@ def test_a_robot_at_a_wall_comes_to_rest():
     assert body.contact
 
 
-def test_pybullet_s_walls_meet_the_hull_and_no_wheel():
+def test_pybullet_s_walls_meet_the_hull_and_no_wheel() -> None:
     world = World(arena(wall=AHEAD))
     body = Chassis(world, KHEPERA, IDEAL, Pose(x=START, y=0.0, heading=radians(75)))
     links = set()

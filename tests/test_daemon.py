@@ -11,11 +11,14 @@ import sys
 import termios
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
+from as_type import not_none
 from emulator_process import COMMAND, PATIENCE, EmulatorProcess, emulator, link_options
 from khepera_protocol.serial.units import wire_time
 from unprivileged import enter_from_outside
@@ -36,7 +39,7 @@ VERSION = b"b,5.01,5.00\r\n"
 
 
 @pytest.fixture(scope="module")
-def paced(tmp_path_factory):
+def paced(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatorProcess]:
     """An emulator at 9600 with a link."""
     with emulator(
         *link_options(tmp_path_factory.mktemp("paced")), "--baud", "9600", "--drift", "none"
@@ -45,38 +48,38 @@ def paced(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def unpaced():
+def unpaced() -> Iterator[EmulatorProcess]:
     with emulator("--no-zenoh", "--baud", "unpaced", "--drift", "none") as running:
         yield running
 
 
-def link_of(running):
+def link_of(running: EmulatorProcess) -> str:
     return running.announcement.partition("link ")[2]
 
 
-def connect(running, **settings):
+def connect(running: EmulatorProcess, **settings: Any) -> serial.Serial:
     return serial.Serial(running.path, timeout=PATIENCE, **settings)
 
 
-def ask(port, request):
+def ask(port: serial.SerialBase, request: bytes) -> bytes:
     port.write(request)
     return port.read_until(b"\n")
 
 
-def counters(port):
+def counters(port: serial.Serial) -> tuple[int, int]:
     left, right = ask(port, b"H\n").decode().strip().split(",")[1:]
     return int(left), int(right)
 
 
 class TestClients:
-    def test_open_the_link_that_was_announced(self, paced):
+    def test_open_the_link_that_was_announced(self, paced: EmulatorProcess) -> None:
         link = link_of(paced)
         assert paced.announcement == f"khepera on {paced.path}, link {link}"
         assert str(Path(link).readlink()) == paced.path
         with serial.Serial(link, timeout=PATIENCE) as port:
             assert ask(port, b"B\n") == VERSION
 
-    def test_may_be_a_shell(self, paced):
+    def test_may_be_a_shell(self, paced: EmulatorProcess) -> None:
         script = (
             'exec 3<>"$0"; stty raw -echo <&3; printf "B\\n" >&3;'
             ' IFS= read -r reply <&3; printf "%s\\n" "$reply"'
@@ -86,14 +89,14 @@ class TestClients:
         )
         assert done.stdout == VERSION
 
-    def test_may_write_and_read_through_different_openings(self, paced):
+    def test_may_write_and_read_through_different_openings(self, paced: EmulatorProcess) -> None:
         with connect(paced) as reader:
             subprocess.run(
                 ["sh", "-c", 'printf "B\\n" > "$0"', link_of(paced)], timeout=PATIENCE, check=True
             )
             assert reader.read_until(b"\n") == VERSION
 
-    def test_find_no_reply_to_the_one_before(self, paced):
+    def test_find_no_reply_to_the_one_before(self, paced: EmulatorProcess) -> None:
         for _ in range(5):
             with connect(paced) as port:
                 port.write(b"N\n" * 4)
@@ -101,7 +104,7 @@ class TestClients:
             with connect(paced) as port:
                 assert ask(port, b"B\n") == VERSION
 
-    def test_may_be_killed(self, unpaced):
+    def test_may_be_killed(self, unpaced: EmulatorProcess) -> None:
         victim = subprocess.Popen(
             [
                 *(sys.executable, "-c"),
@@ -112,7 +115,7 @@ class TestClients:
             ],
             stdout=subprocess.PIPE,
         )
-        victim.stdout.readline()
+        not_none(victim.stdout).readline()
         victim.kill()
         victim.communicate(timeout=PATIENCE)
         with connect(unpaced) as port:
@@ -128,7 +131,7 @@ class TestClients:
 class TestNetwork:
     @pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
     @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-    def test_url_that_was_announced_can_be_opened(self, scheme):
+    def test_url_that_was_announced_can_be_opened(self, scheme: str) -> None:
         option = "--tcp" if scheme == "socket" else "--rfc2217"
         with emulator("--no-zenoh", option, "127.0.0.1:0") as running:
             assert running.announcement.startswith(f"khepera on {scheme}://127.0.0.1:")
@@ -136,7 +139,7 @@ class TestNetwork:
                 assert ask(port, b"B\n") == VERSION
 
     @pytest.mark.parametrize("baud", ["9600", "unpaced"])
-    def test_who_only_ends_the_sending_side_is_answered_all(self, baud):
+    def test_who_only_ends_the_sending_side_is_answered_all(self, baud: str) -> None:
         """As `printf 'B\\nH\\n' | nc -N 127.0.0.1 4000` does."""
         with emulator("--no-zenoh", "--tcp", "127.0.0.1:0", "--baud", baud) as running:
             for _ in range(3):
@@ -145,7 +148,7 @@ class TestNetwork:
                     client.shutdown(socket.SHUT_WR)
                     assert client.makefile("rb").read() == (VERSION + b"h,0,0\r\n") * 3
 
-    def test_who_has_left_hours_behind_does_not_keep_the_line(self):
+    def test_who_has_left_hours_behind_does_not_keep_the_line(self) -> None:
         with emulator("--no-zenoh", "--tcp", "127.0.0.1:0", "--speed", "20") as running:
             with connection(running) as client:
                 client.sendall(b"G,7,8\n" + b"N\n" * 1_500_000)
@@ -154,7 +157,7 @@ class TestNetwork:
                 assert client.makefile("rb").readline() == b"h,7,8\r\n"
 
 
-def connection(running):
+def connection(running: EmulatorProcess) -> socket.socket:
     host, _, port = running.path.rpartition("/")[2].rpartition(":")
     return socket.create_connection((host, int(port)), PATIENCE)
 
@@ -163,26 +166,28 @@ class TestWireTime:
     """Lower bounds only: a busy machine may always be late."""
 
     @staticmethod
-    def duration(port, request):
+    def duration(port: serial.Serial, request: bytes) -> tuple[float, int]:
         start = time.monotonic()
         reply = ask(port, request)
         return time.monotonic() - start, len(request) + len(reply)
 
     @pytest.mark.parametrize("request_line", [b"N\n", b"B\n", b"D,0,0\n"])
-    def test_no_reply_is_early_at_a_fixed_rate(self, paced, request_line):
+    def test_no_reply_is_early_at_a_fixed_rate(
+        self, paced: EmulatorProcess, request_line: bytes
+    ) -> None:
         with connect(paced) as port:
             for _ in range(3):
                 took, characters = self.duration(port, request_line)
                 assert took >= wire_time(characters, 9600) + INTERPRETER_TIME
 
-    def test_rate_follows_the_client(self):
+    def test_rate_follows_the_client(self) -> None:
         with emulator("--no-zenoh") as running:
             for rate in (1200, 9600, 38400):
                 with connect(running, baudrate=rate) as port:
                     took, characters = self.duration(port, b"B\n")
                     assert took >= wire_time(characters, rate) + INTERPRETER_TIME
 
-    def test_runs_faster_with_the_clock(self):
+    def test_runs_faster_with_the_clock(self) -> None:
         with (
             emulator("--no-zenoh", "--speed", "20", "--baud", "50") as running,
             connect(running, baudrate=50) as port,
@@ -193,12 +198,12 @@ class TestWireTime:
 
 
 class TestAnotherRate:
-    def test_reads_and_sends_garbage(self):
+    def test_reads_and_sends_garbage(self) -> None:
         emulated = Emulator(Setup(load_arena("corridor"), baud=9600))
         port = PtyPort()
         line = _Line(emulated, port, False, None, None)
 
-        def exchange(client, request):
+        def exchange(client: serial.Serial, request: bytes) -> bytes:
             client.write(request)
             line.look(set())
             line.take(emulated.now)
@@ -217,13 +222,13 @@ class TestAnotherRate:
         port.close()
         emulated.close()
 
-    def test_within_five_per_cent_reads_clean(self, paced):
+    def test_within_five_per_cent_reads_clean(self, paced: EmulatorProcess) -> None:
         for rate in (9120, 10080):
             with connect(paced, baudrate=rate) as port:
                 assert ask(port, b"B\n") == VERSION
 
     @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-    def test_or_parity_or_size_counts_over_rfc2217(self):
+    def test_or_parity_or_size_counts_over_rfc2217(self) -> None:
         with (
             emulator("--no-zenoh", "--rfc2217", "127.0.0.1:0", "--baud", "9600") as running,
             serial.serial_for_url(running.path, timeout=PATIENCE) as port,
@@ -251,7 +256,7 @@ class TestSameRobotAsInProcess:
     ).split()
 
     @pytest.mark.parametrize("model", ["khepera", "khepera2"])
-    def test_gives_the_same_replies(self, model):
+    def test_gives_the_same_replies(self, model: str) -> None:
         with (
             emulator("--no-zenoh", "--seed", "1", "--model", model, "--baud", "9600") as running,
             connect(running) as there,
@@ -274,7 +279,9 @@ class TestEnd:
             (signal.SIGQUIT, 130),
         ],
     )
-    def test_signal_ends_it_cleanly(self, tmp_path, number, status):
+    def test_signal_ends_it_cleanly(
+        self, tmp_path: Path, number: signal.Signals, status: int
+    ) -> None:
         running = EmulatorProcess(*link_options(tmp_path))
         assert [entry.name for entry in sorted(tmp_path.iterdir())] == [
             ".khepera.khepera-emulator-lock",
@@ -293,7 +300,9 @@ class TestEnd:
         ],
     )
     @pytest.mark.parametrize("step", ["load_arena", "make_fleet", "open_port"])
-    def test_signal_ends_it_cleanly_before_it_is_ready(self, tmp_path, number, status, step):
+    def test_signal_ends_it_cleanly_before_it_is_ready(
+        self, tmp_path: Path, number: signal.Signals, status: int, step: str
+    ) -> None:
         """A signal that comes with one of the steps to a running robot."""
         module = "robot.options" if step == "load_arena" else "app.serving"
         script = (
@@ -313,7 +322,7 @@ class TestEnd:
         assert "Traceback" not in done.stderr
         assert list(tmp_path.iterdir()) == []
 
-    def test_closed_terminal_does_not_end_what_nohup_started(self, tmp_path):
+    def test_closed_terminal_does_not_end_what_nohup_started(self, tmp_path: Path) -> None:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         try:
             running = EmulatorProcess(*link_options(tmp_path))
@@ -325,7 +334,9 @@ class TestEnd:
         assert running.end() == (0, "")
 
     @pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1, 2)])
-    def test_closed_standard_files_do_no_harm(self, tmp_path, closed):
+    def test_closed_standard_files_do_no_harm(
+        self, tmp_path: Path, closed: tuple[int, ...]
+    ) -> None:
         shell = 'exec "$0" "$@" ' + " ".join(f"{number}>&-" for number in closed)
         options = (*link_options(tmp_path), "--log-level", "info", "--robots", "2")
         process = subprocess.Popen(["sh", "-c", shell, *COMMAND, *options])
@@ -341,7 +352,7 @@ class TestEnd:
             assert process.wait(PATIENCE) == 0
         assert list(tmp_path.iterdir()) == []
 
-    def test_nobody_who_reads_what_it_says_does_no_harm(self, tmp_path):
+    def test_nobody_who_reads_what_it_says_does_no_harm(self, tmp_path: Path) -> None:
         reader, writer = os.pipe()
         os.close(reader)
         options = (*link_options(tmp_path), "--log-level", "info", "--robots", "2")
@@ -354,7 +365,7 @@ class TestEnd:
             process.terminate()
             assert process.wait(PATIENCE) == 0
 
-    def test_a_thousand_descriptors_of_the_parent_do_no_harm(self, tmp_path):
+    def test_a_thousand_descriptors_of_the_parent_do_no_harm(self, tmp_path: Path) -> None:
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         if hard < 1500:
             pytest.skip("this system does not give so many")
@@ -365,7 +376,7 @@ class TestEnd:
             process = subprocess.Popen(
                 [*COMMAND, *link_options(tmp_path)], pass_fds=inherited, stdout=subprocess.PIPE
             )
-        assert process.stdout.readline().startswith(b"khepera on ")
+        assert not_none(process.stdout).readline().startswith(b"khepera on ")
         try:
             with serial.Serial(str(tmp_path / "khepera"), timeout=PATIENCE) as port:
                 assert ask(port, b"B\n") == VERSION
@@ -374,14 +385,14 @@ class TestEnd:
             process.communicate(timeout=PATIENCE)
         assert process.returncode == 0
 
-    def test_client_is_told(self, tmp_path):
+    def test_client_is_told(self, tmp_path: Path) -> None:
         running = EmulatorProcess(*link_options(tmp_path))
         with connect(running) as port:
             running.end()
             with pytest.raises(serial.SerialException, match=r"read failed|no data"):
                 port.read(1)
 
-    def test_link_in_use_is_refused_and_kept(self, paced):
+    def test_link_in_use_is_refused_and_kept(self, paced: EmulatorProcess) -> None:
         second = subprocess.run(
             [*COMMAND, "--no-zenoh", "--link", link_of(paced)],
             capture_output=True,
@@ -397,7 +408,7 @@ class TestEnd:
         with serial.Serial(link_of(paced), timeout=PATIENCE) as port:
             assert ask(port, b"B\n") == VERSION
 
-    def test_link_of_a_killed_emulator_is_taken_over(self, tmp_path):
+    def test_link_of_a_killed_emulator_is_taken_over(self, tmp_path: Path) -> None:
         EmulatorProcess(*link_options(tmp_path)).end(signal.SIGKILL)
         assert (tmp_path / "khepera").is_symlink()
         with (
@@ -407,7 +418,7 @@ class TestEnd:
             assert ask(port, b"B\n") == VERSION
 
 
-def awaited(path):
+def awaited(path: Path) -> str:
     """A link that is about to be made."""
     deadline = time.monotonic() + PATIENCE
     while not path.is_symlink():
@@ -437,7 +448,9 @@ sys.exit(program.run())
 class TestUnprivileged:
     """An emulator whose user may not open what a client has taken for itself."""
 
-    def test_robot_lives_on_when_a_client_has_taken_its_terminal_for_ever(self, tmp_path):
+    def test_robot_lives_on_when_a_client_has_taken_its_terminal_for_ever(
+        self, tmp_path: Path
+    ) -> None:
         enter_from_outside(tmp_path)
         tmp_path.chmod(0o777)
         link = tmp_path / "khepera"
@@ -449,10 +462,10 @@ class TestUnprivileged:
             text=True,
         )
         try:
-            first = process.stdout.readline().partition(" on ")[2].partition(",")[0]
+            first = not_none(process.stdout).readline().partition(" on ")[2].partition(",")[0]
             with serial.Serial(first, timeout=PATIENCE) as port:
                 assert ask(port, b"G,7,8\n") == b"g\r\n"
-                fcntl.ioctl(port.fd, termios.TIOCEXCL)
+                fcntl.ioctl(port.fileno(), termios.TIOCEXCL)
             deadline = time.monotonic() + PATIENCE
             while str(link.readlink()) == first:
                 assert time.monotonic() < deadline
@@ -468,7 +481,9 @@ class TestUnprivileged:
 
 class TestCommandLine:
     @staticmethod
-    def run(monkeypatch, capfd, *arguments):
+    def run(
+        monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], *arguments: str
+    ) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["khepera-emulator", *arguments])
         status = run()
         out, err = capfd.readouterr()
@@ -487,8 +502,13 @@ class TestCommandLine:
         ],
     )
     def test_error_is_one_sentence_and_leaves_nothing(
-        self, monkeypatch, capfd, tmp_path, options, sentence
-    ):
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        capfd: pytest.CaptureFixture[str],
+        tmp_path: Path,
+        options: list[str],
+        sentence: str,
+    ) -> None:
         status, out, err = self.run(monkeypatch, capfd, "run", *link_options(tmp_path), *options)
         assert (status, out) == (2, "")
         assert err.startswith(f"khepera-emulator: {sentence}")
@@ -503,32 +523,44 @@ class TestCommandLine:
             (["--tcp", "127.0.0.1:0", "--rfc2217", "127.0.0.1:0"], "--port, --tcp and --rfc2217:"),
         ],
     )
-    def test_port_that_cannot_be_is_one_sentence(self, monkeypatch, capfd, options, sentence):
+    def test_port_that_cannot_be_is_one_sentence(
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        capfd: pytest.CaptureFixture[str],
+        options: list[str],
+        sentence: str,
+    ) -> None:
         status, out, err = self.run(monkeypatch, capfd, "run", "--no-zenoh", *options)
         assert (status, out) == (2, "")
         assert err.startswith(f"khepera-emulator: {sentence}")
         assert err.count("\n") == 1
 
-    def test_file_at_the_place_of_the_link_is_kept(self, monkeypatch, capfd, tmp_path):
+    def test_file_at_the_place_of_the_link_is_kept(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+    ) -> None:
         (tmp_path / "khepera").write_text("precious")
         status, _, err = self.run(monkeypatch, capfd, "run", *link_options(tmp_path))
         assert status == 2
         assert "exists and is not a link" in err
         assert (tmp_path / "khepera").read_text() == "precious"
 
-    def test_arenas_are_listed_with_their_titles(self, monkeypatch, capfd):
+    def test_arenas_are_listed_with_their_titles(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    ) -> None:
         status, out, _ = self.run(monkeypatch, capfd, "arenas")
         assert status == 0
         assert f"m  {load_arena('corridor').title}\n" in out
 
-    def test_help_has_examples(self, monkeypatch, capfd):
+    def test_help_has_examples(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    ) -> None:
         status, out, _ = self.run(monkeypatch, capfd, "run", "--help")
         assert status == 0
         assert "khepera-emulator run --link runs/khepera" in out
 
 
 class TestClock:
-    def test_runs_at_its_speed(self):
+    def test_runs_at_its_speed(self) -> None:
         real = [100.0]
         clock = Clock(4.0, lambda: real[0])
         assert clock.now == 0.0
@@ -537,7 +569,7 @@ class TestClock:
         assert clock.delay(10.0) == 0.5
         assert clock.delay(7.0) == 0.0
 
-    def test_stands_still_when_told(self):
+    def test_stands_still_when_told(self) -> None:
         real = [100.0]
         clock = Clock(4.0, lambda: real[0])
         real[0] += 2.0
@@ -546,7 +578,7 @@ class TestClock:
 
 
 @contextmanager
-def in_thread(baud, clock):
+def in_thread(baud: int | None, clock: Clock) -> Iterator[tuple[PtyPort, Emulator]]:
     """A daemon in this process, to look into its robot afterwards."""
     emulated = Emulator(Setup(load_arena("corridor"), drift=PRESETS["none"], baud=baud))
     port = PtyPort()
@@ -567,7 +599,7 @@ def in_thread(baud, clock):
 
 
 class TestLimits:
-    def test_robot_stands_still_while_its_process_is_stopped(self):
+    def test_robot_stands_still_while_its_process_is_stopped(self) -> None:
         stopped = 0.0
         clock = Clock(source=lambda: time.monotonic() + stopped)
         with (
@@ -578,7 +610,7 @@ class TestLimits:
             stopped = 3600.0
             assert max(counters(client)) < 1000  # an hour would be 360,000
 
-    def test_client_that_writes_without_end_is_held_back_by_the_line(self):
+    def test_client_that_writes_without_end_is_held_back_by_the_line(self) -> None:
         with in_thread(300, Clock()) as (port, emulated):
             terminal = os.open(port.url, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             with suppress(BlockingIOError):
@@ -588,7 +620,7 @@ class TestLimits:
             assert emulated.uart.arriving() <= 256
             os.close(terminal)
 
-    def test_client_that_never_reads_neither_stops_the_robot_nor_reaches_the_next(self):
+    def test_client_that_never_reads_neither_stops_the_robot_nor_reaches_the_next(self) -> None:
         with emulator("--no-zenoh", "--baud", "unpaced", "--log-level", "info") as running:
             with connect(running, write_timeout=PATIENCE) as client:
                 for _ in range(200):
@@ -599,7 +631,7 @@ class TestLimits:
         dropped = int(said.partition(" bytes to clients that did not read")[0].split()[-1])
         assert 100_000 < dropped < 260_000
 
-    def test_many_clients_that_leave_at_once_do_not_fill_the_memory(self):
+    def test_many_clients_that_leave_at_once_do_not_fill_the_memory(self) -> None:
         with in_thread(300, Clock()) as (port, emulated):
             for _ in range(50):
                 terminal = os.open(port.url, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -613,12 +645,12 @@ class TestLimits:
 
 
 class TestHangUp:
-    def test_reply_does_not_reach_a_client_that_has_come_since(self):
+    def test_reply_does_not_reach_a_client_that_has_come_since(self) -> None:
         emulated = Emulator(Setup(load_arena("corridor"), baud=None))
         port = PtyPort()
         line = _Line(emulated, port, False, None, None)
 
-        def look(ready):
+        def look(ready: set[int]) -> None:
             line.look(ready)
             line.take(emulated.now)
             emulated.advance(emulated.now)
@@ -638,7 +670,7 @@ class TestHangUp:
         port.close()
         emulated.close()
 
-    def test_no_half_request_of_one_client_is_left_to_the_next(self):
+    def test_no_half_request_of_one_client_is_left_to_the_next(self) -> None:
         emulated = Emulator(Setup(load_arena("corridor"), baud=None))
         port = PtyPort()
         line = _Line(emulated, port, False, None, None)
@@ -657,15 +689,15 @@ class TestHangUp:
 
     @pytest.mark.parametrize("flood", [b"N\n" * 500_000, b"\n" * 10_000, b"D,1,1\r\n" * 1000])
     def test_what_a_flood_leaves_behind_keeps_the_next_for_five_seconds_at_most(
-        self, monkeypatch, flood
-    ):
+        self, monkeypatch: pytest.MonkeyPatch, flood: bytes
+    ) -> None:
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         emulated = Emulator(Setup(load_arena("corridor"), drift=PRESETS["none"], baud=9600))
         port = TcpPort("127.0.0.1:0")
         line = _Line(emulated, port, False, None, None)
         address = tcp_address(port.url.partition("//")[2])
 
-        def live(until):
+        def live(until: Callable[..., Any]) -> None:
             while not until():
                 line.descriptors()
                 line.look(set())
@@ -673,7 +705,7 @@ class TestHangUp:
                 emulated.advance(emulated.now + 0.02)
                 line.hand_over()
 
-        def flood_and_leave():
+        def flood_and_leave() -> None:
             with socket.create_connection(address, PATIENCE) as first:
                 first.sendall(flood)
 
@@ -694,7 +726,7 @@ class TestHangUp:
         emulated.close()
 
     @pytest.mark.parametrize("baud", [None, 9600])
-    def test_requests_are_carried_out_but_not_answered(self, baud):
+    def test_requests_are_carried_out_but_not_answered(self, baud: int | None) -> None:
         emulated = Emulator(Setup(load_arena("corridor"), baud=baud))
         emulated.write(b"G,7,8\nH\nX\n")
         emulated.advance(0.003)

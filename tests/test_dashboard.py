@@ -3,42 +3,47 @@
 import contextlib
 import logging
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from math import radians
+from typing import Any
 
 import pytest
+from as_type import as_type, not_none
 from controller_helpers import a_decision, a_state
 from khepera_protocol.zenoh.controller_payloads import Phase
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
 from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire, WireEntry
+from nicegui import app
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts, ticks
 from macor_hil.monitor.dashboard.failures import Failures, OnceEach
 from macor_hil.monitor.dashboard.sources import RecordingSource
+from macor_hil.monitor.dashboard.svg import BAD, GOOD, heat
 from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.feed import Presence
+from macor_hil.telemetry.feed import Event, Presence
 
 
-def parsed(svg):
+def parsed(svg: str) -> ElementTree.Element:
     return ElementTree.fromstring(svg)
 
 
-def of_kind(svg, kind):
+def of_kind(svg: str, kind: str) -> list[ElementTree.Element]:
     return [each for each in parsed(svg).iter() if each.get("data-kind") == kind]
 
 
-def a_watched(**changes):
+def a_watched(**changes: Any) -> RobotState:
     watched = RobotState("khepera", Controlled(alive=True, met=True, state=a_state()))
     watched.controlled.learned = learned()
-    watched.emulated = Emulated(alive=True, outline=EXAMPLES[Outline])
+    watched.emulated = Emulated(alive=True, outline=as_type(Outline, EXAMPLES[Outline]))
     watched.emulated.place(truth(0.5, 0.1))
     watched.controlled.decide(a_decision(**changes), 1.0)
     watched.see(a_picture(), 1.0)
     return watched
 
 
-DRAWINGS = {
+DRAWINGS: dict[str, Callable[[RobotState], str]] = {
     "arena": arena.arena,
     "mirror": eyes.mirror,
     "panorama": eyes.panorama,
@@ -52,11 +57,11 @@ DRAWINGS = {
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
-def test_every_drawing_is_well_formed_and_titled_whatever_is_known(name):
+def test_every_drawing_is_well_formed_and_titled_whatever_is_known(name: str) -> None:
     for watched in (RobotState("khepera"), a_watched()):
         root = parsed(DRAWINGS[name](watched))
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
-        assert root.find("{http://www.w3.org/2000/svg}title").text
+        assert not_none(root.find("{http://www.w3.org/2000/svg}title")).text
     # at any moment of a life
     watched = RobotState("khepera")
     for event in a_life():
@@ -64,7 +69,7 @@ def test_every_drawing_is_well_formed_and_titled_whatever_is_known(name):
         parsed(DRAWINGS[name](watched))
 
 
-def test_the_arena_shows_all_sequences_and_marks_the_best():
+def test_the_arena_shows_all_sequences_and_marks_the_best() -> None:
     weighed = [hypothesis(4.0, "straight", "left"), hypothesis(2.0, "left"), hypothesis(1.0, "x")]
     svg = arena.arena(a_watched(hypotheses=weighed, frame_time=0.5))
     assert len(of_kind(svg, "hypothesis")) == 2
@@ -75,11 +80,11 @@ def test_the_arena_shows_all_sequences_and_marks_the_best():
     assert len(of_kind(svg, "robot")) == 2  # in the close-up and in the whole arena
 
 
-def best_text(element):
+def best_text(element: ElementTree.Element) -> str:
     return ElementTree.tostring(element, encoding="unicode")
 
 
-def test_a_sequence_leads_along_the_arcs_of_its_commands():
+def test_a_sequence_leads_along_the_arcs_of_its_commands() -> None:
     ahead = hypothesis(1.0, "straight", "left", "right").ahead
     commands = {command.name: command for command in learned().commands}
     way = arena.way_of(Pose(x=1.0, y=2.0, heading=0.0), ahead, commands)
@@ -91,14 +96,14 @@ def test_a_sequence_leads_along_the_arcs_of_its_commands():
     assert turned[1] == pytest.approx((0.0, 0.021))
 
 
-def test_sequences_begin_where_the_robot_was_when_it_decided():
+def test_sequences_begin_where_the_robot_was_when_it_decided() -> None:
     watched = a_watched(frame_time=0.5)
     watched.emulated.place(truth(1.5, 0.121))
     (_, way), *_ = arena.hypothetical_ways(watched)
     assert way[0] == (0.1, 0.0)
 
 
-def test_without_an_emulator_the_odometry_is_drawn():
+def test_without_an_emulator_the_odometry_is_drawn() -> None:
     watched = RobotState("khepera", Controlled(learned=learned()))
     for k in range(3):
         watched.controlled.decide(a_decision(k), None)
@@ -109,41 +114,41 @@ def test_without_an_emulator_the_odometry_is_drawn():
     assert of_kind(arena.arena(watched), "best")
 
 
-def test_receptive_fields_are_drawn_with_what_they_see():
+def test_receptive_fields_are_drawn_with_what_they_see() -> None:
     svg = eyes.panorama(a_watched())
     assert len(of_kind(svg, "field")) == 12
     assert len(of_kind(svg, "feature")) == 36
     assert "data:image/jpeg;base64," in svg
 
 
-def test_a_picture_that_is_none_is_left_out():
+def test_a_picture_that_is_none_is_left_out() -> None:
     watched = a_watched()
     watched.see(b"no picture", 2.0)
     parsed(eyes.panorama(watched))
     assert "data:image" not in eyes.panorama(watched)
 
 
-def test_columns_have_a_cell_for_every_neuron_and_the_brightest_is_the_present_one():
+def test_columns_have_a_cell_for_every_neuron_and_the_brightest_is_the_present_one() -> None:
     watched = a_watched()
     cells = of_kind(DRAWINGS["columns"](watched), "neuron")
     assert len(cells) == 150
-    assert cells[53].get("fill") == charts.heat(1.0)
-    assert cells[0].get("fill") == charts.heat(0.0)
+    assert cells[53].get("fill") == heat(1.0)
+    assert cells[0].get("fill") == heat(0.0)
 
 
-def test_a_collision_is_a_red_bar():
+def test_a_collision_is_a_red_bar() -> None:
     history = [a_decision(0), a_decision(1, collided=True, reinforcement=0.0)]
     bars = of_kind(charts.reinforcement(history), "reward")
-    assert [bar.get("fill") for bar in bars] == [charts.GOOD, charts.BAD]
+    assert [bar.get("fill") for bar in bars] == [GOOD, BAD]
 
 
-def test_sensors_are_drawn_as_long_as_they_read():
+def test_sensors_are_drawn_as_long_as_they_read() -> None:
     wedges = of_kind(charts.infrared([0, 12, 1023, 4, 5, 6, 7, 8]), "sensor")
     assert len(wedges) == 8
-    assert wedges[2].get("fill") == charts.BAD
+    assert wedges[2].get("fill") == BAD
 
 
-def test_text_from_elsewhere_stays_text():
+def test_text_from_elsewhere_stays_text() -> None:
     evil = "<script>alert(1)</script>"
     watched = a_watched(command=evil, hypotheses=[hypothesis(1.0, evil)])
     watched.controlled.learned = learned().model_copy(
@@ -153,7 +158,9 @@ def test_text_from_elsewhere_stays_text():
         assert "<script" not in draw(watched)
 
 
-def test_what_fails_in_the_page_is_counted_and_logged_once(caplog):
+def test_what_fails_in_the_page_is_counted_and_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     failures, log = Failures(), logging.getLogger("page under test")
     log.addFilter(OnceEach())
     assert failures.words() == ""
@@ -170,13 +177,15 @@ def test_what_fails_in_the_page_is_counted_and_logged_once(caplog):
     assert len(caplog.records) == 3
 
 
-def test_what_is_done_again_and_again_outlives_failures_and_counts_on_no_wall_clock(monkeypatch):
+def test_what_is_done_again_and_again_outlives_failures_and_counts_on_no_wall_clock(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     waiting, done = [], []
     monkeypatch.setattr(
-        ticks.app, "timer", lambda seconds, turn, once: waiting.append((seconds, turn, once))
+        app, "timer", lambda seconds, turn, once: waiting.append((seconds, turn, once))
     )
 
-    def fail():
+    def fail() -> None:
         done.append(1)
         raise ZeroDivisionError
 
@@ -189,7 +198,7 @@ def test_what_is_done_again_and_again_outlives_failures_and_counts_on_no_wall_cl
     assert len(done) == 3
 
 
-def test_the_status_tells_who_is_there():
+def test_the_status_tells_who_is_there() -> None:
     watched = RobotState("khepera")
     assert texts.status(watched, 0.0)[0] == "waiting for a robot"
     watched.emulated.alive = True
@@ -200,11 +209,11 @@ def test_the_status_tells_who_is_there():
     assert texts.status(watched, 0.0) == ("failed, 3 of 40 commands: the cable", "red")
 
 
-def on_the_line(*requests):
+def on_the_line(*requests: str) -> Wire:
     return Wire(first=0, entries=[WireEntry(time=0.0, what="request", text=r) for r in requests])
 
 
-def test_a_program_on_the_line_is_not_nobody():
+def test_a_program_on_the_line_is_not_nobody() -> None:
     watched = RobotState("khepera", emulated=Emulated(alive=True))
     watched.emulated.pass_by(on_the_line("N\n", "H\n"), 10.0)
     assert texts.status(watched, 11.0)[0] == "robot there, a program talks to it"
@@ -214,13 +223,13 @@ def test_a_program_on_the_line_is_not_nobody():
     assert texts.status(watched, 31.0) == (driven, "green")
     assert texts.status(watched, 60.0)[0] == "robot there, nobody drives it"
     # a speed is held without another request
-    watched.emulated.place(EXAMPLES[Truth])
+    watched.emulated.place(as_type(Truth, EXAMPLES[Truth]))
     assert texts.status(watched, 60.0)[0] == driven
     watched.emulated.alive = False
     assert texts.status(watched, 60.0)[0] == "it has gone; waiting for a robot"
 
 
-def test_nothing_of_a_robot_that_has_gone_looks_alive():
+def test_nothing_of_a_robot_that_has_gone_looks_alive() -> None:
     watched = a_watched()
     for k in range(20):
         watched.see(a_picture(), 1.0 + 0.1 * k)
@@ -238,7 +247,7 @@ def test_nothing_of_a_robot_that_has_gone_looks_alive():
     assert "robot was at" in dead
 
 
-def test_replies_that_came_in_pieces_are_one_line():
+def test_replies_that_came_in_pieces_are_one_line() -> None:
     watched = RobotState("khepera")
     for what, text in (("request", "B\n"), ("reply", "b,5."), ("reply", "01\r\n"), ("close", "")):
         watched.emulated.wire.append(WireEntry(time=0.0, what=what, text=text))
@@ -248,17 +257,17 @@ def test_replies_that_came_in_pieces_are_one_line():
 class Clock:
     now = 0.0
 
-    def __call__(self):
+    def __call__(self) -> float:
         return self.now
 
 
-def test_a_recording_is_scrubbed_forth_and_back():
+def test_a_recording_is_scrubbed_forth_and_back() -> None:
     player = RecordingSource("khepera", a_life(3), Clock())
     player.seek(2.9)
-    assert player.watched.controlled.decision.sequence == 1
+    assert not_none(player.watched.controlled.decision).sequence == 1
     version = player.watched.version
     player.seek(1.9)
-    assert player.watched.controlled.decision.sequence == 0
+    assert not_none(player.watched.controlled.decision).sequence == 0
     assert [past.sequence for past in player.watched.controlled.history] == [0]
     assert player.watched.version != version
     player.seek(-5.0)
@@ -269,7 +278,7 @@ def test_a_recording_is_scrubbed_forth_and_back():
     assert not player.watched.controlled.alive
 
 
-def test_playing_takes_its_time_and_ends():
+def test_playing_takes_its_time_and_ends() -> None:
     clock = Clock()
     player = RecordingSource("khepera", a_life(3), clock)
     player.speed = 2.0
@@ -289,7 +298,7 @@ def test_playing_takes_its_time_and_ends():
     assert (player.position, player.playing) == (0.0, True)
 
 
-def test_each_page_plays_a_recording_for_itself():
+def test_each_page_plays_a_recording_for_itself() -> None:
     events = a_life(3)
     first, second = (RecordingSource("khepera", events, Clock()) for _ in range(2))
     first.seek(2.9)
@@ -298,7 +307,9 @@ def test_each_page_plays_a_recording_for_itself():
     assert (second.position, second.playing) == (0.0, False)
 
 
-def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near():
+def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     events = a_life(1000)
     player = RecordingSource("khepera", events, Clock())
     player.seek(1e9)
@@ -309,10 +320,10 @@ def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near():
         assert 0 < player.watched.version - taken <= 2000
         steps += 1
     assert steps == len(events) // 2000
-    taken = []
-    player.watched.take = taken.append  # what was known near there is enough
+    again: list[Event] = []
+    monkeypatch.setattr(player.watched, "take", again.append)  # what was known near is enough
     player.seek(player.duration - 1.0)
-    assert not taken
+    assert not again
     direct = RobotState("khepera")
     for event in events:
         if event.received <= BEGIN + round((player.duration - 1.0) * SECOND):
@@ -323,7 +334,7 @@ def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near():
 
 
 @pytest.mark.parametrize("nowhere", [float("nan"), float("inf"), -float("inf")])
-def test_seeking_to_no_moment_stays_in_the_recording(nowhere):
+def test_seeking_to_no_moment_stays_in_the_recording(nowhere: float) -> None:
     player = RecordingSource("khepera", a_life(3), Clock())
     player.seek(1.0)
     player.seek(nowhere)
@@ -331,7 +342,7 @@ def test_seeking_to_no_moment_stays_in_the_recording(nowhere):
     player.poll()
 
 
-def test_a_robot_that_is_put_elsewhere_begins_a_new_path():
+def test_a_robot_that_is_put_elsewhere_begins_a_new_path() -> None:
     emulated = Emulated()
     for x in (0.1, 0.11, 0.1105, 0.12, 0.5):
         emulated.place(truth(0.0, x))
@@ -342,7 +353,7 @@ def test_a_robot_that_is_put_elsewhere_begins_a_new_path():
     assert [pose.x for pose in emulated.path] == [0.1, 0.11, 0.12]
 
 
-def test_the_way_that_is_kept_has_an_end():
+def test_the_way_that_is_kept_has_an_end() -> None:
     emulated = Emulated()
     for k in range(6000):
         emulated.place(truth(0.0, 0.01 * (k % 4)))

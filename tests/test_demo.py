@@ -5,20 +5,21 @@ import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from as_type import not_none
 from drives import MACOR_HIL
 from emulator_process import PATIENCE
 from short_training import train_shortly
 
 from macor_hil.errors import BenchError
-from macor_hil.runs import demo
 from macor_hil.runs.demo import DemoSettings, emulator_process, reserved
 from macor_hil.telemetry.session import open_session
 
 
 @pytest.fixture
-def settings(tmp_path):
+def settings(tmp_path: Path) -> DemoSettings:
     return DemoSettings(tmp_path / "corridor.npz")
 
 
@@ -32,15 +33,17 @@ if "run" in sys.argv:
 """
 
 
-def stand_in(monkeypatch, folder, text, **values):
+def stand_in(monkeypatch: pytest.MonkeyPatch, folder: Path, text: str, **values: str) -> None:
     """Have the demo start a script instead of its emulator."""
     script = folder / "python"
     script.write_text(text.format(python=sys.executable, **values))
     script.chmod(0o755)
-    monkeypatch.setattr(demo.sys, "executable", str(script))
+    monkeypatch.setattr(sys, "executable", str(script))
 
 
-def test_an_emulator_may_say_any_number_of_warnings(settings, tmp_path, monkeypatch):
+def test_an_emulator_may_say_any_number_of_warnings(
+    settings: DemoSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     said = tmp_path / "said"
     os.mkfifo(said)  # opening it waits until the emulator has said everything
     stand_in(monkeypatch, tmp_path, TALKING.replace(".touch()", ".write_text('')"), said=str(said))
@@ -49,7 +52,9 @@ def test_an_emulator_may_say_any_number_of_warnings(settings, tmp_path, monkeypa
         assert said.read_text() == ""
 
 
-def test_an_emulator_that_does_not_start_says_why(settings, tmp_path, monkeypatch):
+def test_an_emulator_that_does_not_start_says_why(
+    settings: DemoSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     stand_in(monkeypatch, tmp_path, "#!{python}\nimport sys\nsys.exit('no \\x1b arena')")
     with (
         pytest.raises(BenchError, match=r"did not start: no \\x1b arena"),
@@ -58,7 +63,7 @@ def test_an_emulator_that_does_not_start_says_why(settings, tmp_path, monkeypatc
         pass
 
 
-def test_an_endpoint_that_is_taken_is_another_one():
+def test_an_endpoint_that_is_taken_is_another_one() -> None:
     with socket.socket() as usual:
         usual.bind(("127.0.0.1", 0))
         wanted = f"tcp/127.0.0.1:{usual.getsockname()[1]}"
@@ -68,14 +73,16 @@ def test_an_endpoint_that_is_taken_is_another_one():
                 pass  # who they are reserved for can have them
 
 
-def test_watchers_are_led_to_other_endpoints(tmp_path):
+def test_watchers_are_led_to_other_endpoints(tmp_path: Path) -> None:
     assert DemoSettings(tmp_path).watching == ""
     other = DemoSettings(tmp_path, emulator="tcp/127.0.0.1:1", controller="tcp/127.0.0.1:2")
     assert other.watching == " --connect tcp/127.0.0.1:2 --connect tcp/127.0.0.1:1"
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
-def test_the_key_ctrl_c_ends_the_robot_before_its_emulator(tmp_path, number, status):
+def test_the_key_ctrl_c_ends_the_robot_before_its_emulator(
+    tmp_path: Path, number: int, status: int
+) -> None:
     train_shortly(tmp_path / "corridor.npz", "khepera://corridor?seed=5")
     with subprocess.Popen(
         [*MACOR_HIL, "demo", "--folder", str(tmp_path)],
@@ -84,7 +91,7 @@ def test_the_key_ctrl_c_ends_the_robot_before_its_emulator(tmp_path, number, sta
         text=True,
         process_group=0,
     ) as running:
-        lines = iter(running.stdout.readline, "")
+        lines = iter(not_none(running.stdout).readline, "")
         assert any(line.startswith("graded") for line in lines)
         os.killpg(running.pid, number)  # as the terminal does: to all who are in front
         said = running.communicate(timeout=PATIENCE)[1]

@@ -9,15 +9,17 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from as_type import not_none
 from docs_runner import ELSEWHERE, PROGRAMS, ROOT, blocks, elsewhere
 from emulator_process import PATIENCE
 from typer.testing import CliRunner
 
-from khepera_emulator.app.cli import app as emulator
-from macor_hil.cli import app as controller
+from khepera_emulator.app.cli.commands import app as emulator
+from macor_hil.cli.program import app as controller
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 APPS = {"macor-hil": controller, "khepera-emulator": emulator}
@@ -33,15 +35,15 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
 ]
 
 
-def commands(page):
+def commands(page: Path) -> list[str]:
     return [c for block in blocks(page) if block.language == "sh" for c in block.commands()]
 
 
-def names(pages):
+def names(pages: list[Path]) -> list[str]:
     return [str(page.relative_to(ROOT)) for page in pages]
 
 
-def has_own_network():
+def has_own_network() -> bool:
     tools = shutil.which("unshare") and shutil.which("ip")
     return bool(tools) and not subprocess.run([*NETWORK, "true"], check=False).returncode
 
@@ -51,7 +53,7 @@ RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in 
 
 @pytest.mark.timeout(10 * PATIENCE)
 @pytest.mark.parametrize("page", RUNNABLE, ids=names(RUNNABLE))
-def test_the_commands_of_a_page_run(page, tmp_path):
+def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     if not has_own_network():
         pytest.skip("the pages' well-known ports need a network namespace (unshare, ip)")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -78,7 +80,7 @@ def test_the_commands_of_a_page_run(page, tmp_path):
         if block.language == "python" and not (block.file or "").startswith("test_")
     ],
 )
-def test_the_python_of_a_page_runs(code):
+def test_the_python_of_a_page_runs(code: str) -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=PATIENCE)
 
 
@@ -86,7 +88,7 @@ def test_the_python_of_a_page_runs(code):
     "command",
     sorted({command for page in PAGES for command in commands(page) if elsewhere(command)}),
 )
-def test_commands_that_run_elsewhere_are_commands(command):
+def test_commands_that_run_elsewhere_are_commands(command: str) -> None:
     program, *arguments = (word for word in shlex.split(command) if not VARIABLE.match(word))
     if program in APPS:
         # where an option is unknown, there is an error instead of help
@@ -102,14 +104,14 @@ def test_commands_that_run_elsewhere_are_commands(command):
             assert (ROOT / file).is_file()
 
 
-def test_nothing_is_run_elsewhere_that_no_page_shows():
+def test_nothing_is_run_elsewhere_that_no_page_shows() -> None:
     shown = [command for page in PAGES for command in commands(page)]
     for what in ELSEWHERE:
         assert any(re.match(what, command) for command in shown), what
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_commands_are_marked_as_such(page):
+def test_commands_are_marked_as_such(page: Path) -> None:
     for block in blocks(page):
         if not block.language:
             first = {line.removeprefix(".venv/bin/").partition(" ")[0] for line in block.commands()}
@@ -117,7 +119,7 @@ def test_commands_are_marked_as_such(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_every_block_closes(page):
+def test_every_block_closes(page: Path) -> None:
     begun = None
     for number, line in enumerate(page.read_text("utf-8").splitlines(), 1):
         if line.lstrip().startswith("```"):
@@ -128,13 +130,13 @@ def test_every_block_closes(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_links_lead_somewhere(page):
+def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
         assert (page.parent / target).exists(), target
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_names_of_code_are_those_of_the_code(page):
+def test_names_of_code_are_those_of_the_code(page: Path) -> None:
     fences = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
     for code in re.findall(r"`([^`]+)`", fences.sub("", page.read_text("utf-8"))):
         for name in re.findall(rf"\b(?:{'|'.join(PACKAGES)})(?:\.\w+)+", code):
@@ -145,26 +147,28 @@ def test_names_of_code_are_those_of_the_code(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names(PAGES))
-def test_no_example_leaves_a_robot_driving(page):
+def test_no_example_leaves_a_robot_driving(page: Path) -> None:
     for block in blocks(page):
         speeds = re.findall(r"D,(-?\d+),(-?\d+)", block.text)
         assert not speeds or speeds[-1] == ("0", "0"), f"line {block.line}"
 
 
-def test_every_page_is_in_the_index():
+def test_every_page_is_in_the_index() -> None:
     index = (ROOT / "docs" / "README.md").read_text("utf-8")
     linked = set(re.findall(r"\]\(([\w-]+\.md)\)", index))
     assert linked == {page.name for page in PAGES if page.parent.name == "docs"} - {"README.md"}
 
 
-def generated():
-    spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
+def generated() -> dict[str, Callable[[], str]]:
+    file = ROOT / "docs" / "generate.py"
+    spec = not_none(importlib.util.spec_from_file_location("generate", file))
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.PAGES
+    not_none(spec.loader).exec_module(module)
+    pages: dict[str, Callable[[], str]] = module.PAGES
+    return pages
 
 
 @pytest.mark.parametrize("name", sorted(generated()))
-def test_generated_pages_are_current(name):
+def test_generated_pages_are_current(name: str) -> None:
     page = generated()[name]()
     assert (ROOT / "docs" / name).read_text("utf-8") == page, "run: python docs/generate.py"

@@ -1,14 +1,18 @@
 """No way out of a drive leaves the wheels turning: the driver's own promise."""
 
 import signal
+from collections.abc import Callable, Iterator
 from math import hypot, pi
+from typing import Any
 
 import pytest
+from as_type import not_none
 from khepera_protocol.serial.units import PULSE
+from khepera_protocol.zenoh.payloads import Truth
 
 from macor_hil.commands import STRAIGHT
 from macor_hil.errors import RobotError
-from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.driver import LEASH, Driver
 
 PORT = "khepera://open-box?seed=1&drift=none"
@@ -22,38 +26,39 @@ class Defect(Exception):
 class Drive:
     """A driver on an emulated robot whose guard fails once the wheels turn."""
 
-    def __init__(self, hardware, failure):
+    def __init__(self, hardware: Hardware, failure: Callable[..., Any] | None) -> None:
         self.emulator = hardware.robot.port.emulator
         self._failure = failure
         self.failed = 0
         self.driver = Driver(hardware.robot, guard=self._guard)
         self.driver.start()
 
-    def speed(self):
-        return max(map(abs, self.emulator.truth().speed))
+    def speed(self) -> float:
+        truth: Truth = self.emulator.truth()
+        return max(map(abs, truth.speed))
 
-    def stands(self, settling=0.1):
+    def stands(self, settling: float = 0.1) -> bool:
         """Return whether it is at rest once its controllers have settled, before a command ends."""
         self.emulator.advance(self.emulator.now + settling)
         return self.speed() < STANDING
 
-    def _guard(self):
+    def _guard(self) -> None:
         if self._failure and self.speed() > 0.05:
             self.failed += 1
             self._failure()
 
 
-def defect():
+def defect() -> None:
     raise Defect
 
 
-def impatient():
+def impatient() -> None:
     """Ctrl-C, and again while the robot is being stopped."""
     signal.raise_signal(signal.SIGINT)
 
 
 @pytest.fixture
-def hardware():
+def hardware() -> Iterator[Hardware]:
     with open_hardware(PORT, baud=38400) as hardware:
         yield hardware
 
@@ -69,7 +74,9 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS.values(), ids=WAYS.keys())
 @pytest.mark.parametrize(("failure", "kind"), [(defect, Defect), (impatient, KeyboardInterrupt)])
-def test_what_is_raised_in_mid_drive_finds_a_robot_that_stands(hardware, way, failure, kind):
+def test_what_is_raised_in_mid_drive_finds_a_robot_that_stands(
+    hardware: Hardware, way: Callable[..., Any], failure: Callable[..., Any], kind: type[Defect]
+) -> None:
     drive = Drive(hardware, None)
     drive.driver.execute(STRAIGHT)
     drive._failure = failure
@@ -79,14 +86,14 @@ def test_what_is_raised_in_mid_drive_finds_a_robot_that_stands(hardware, way, fa
     assert drive.stands()
 
 
-def test_a_leg_is_driven_to_its_end_and_its_target_is_never_far_ahead(hardware):
+def test_a_leg_is_driven_to_its_end_and_its_target_is_never_far_ahead(hardware: Hardware) -> None:
     drive = Drive(hardware, None)
     ahead = []
     drive.driver._guard = lambda: ahead.append(max(abs(w.error) for w in hardware.robot.status()))
-    begin = hardware.bench.truth().pose
+    begin = not_none(hardware.bench).truth().pose
     outcome = drive.driver.leg(0.4, 0.0)
     assert not outcome.collided
-    end = hardware.bench.truth().pose
+    end = not_none(hardware.bench).truth().pose
     assert hypot(end.x - begin.x, end.y - begin.y) == pytest.approx(0.4, abs=0.001)
     assert max(ahead) * PULSE <= LEASH + 0.001
     assert drive.driver.leg(0.0, 4 * pi).counters == pytest.approx(
@@ -95,13 +102,13 @@ def test_a_leg_is_driven_to_its_end_and_its_target_is_never_far_ahead(hardware):
     assert drive.stands()
 
 
-def test_a_leg_ends_at_a_wall(hardware):
+def test_a_leg_ends_at_a_wall(hardware: Hardware) -> None:
     drive = Drive(hardware, None)
     assert drive.driver.leg(5.0, 0.0).collided
     assert drive.stands(0.3)
 
 
-def test_a_speed_is_held_for_its_time_only(hardware):
+def test_a_speed_is_held_for_its_time_only(hardware: Hardware) -> None:
     drive = Drive(hardware, None)
     begin = hardware.robot.clock()
     outcome = drive.driver.hold(10, 10, 0.4)
@@ -111,28 +118,30 @@ def test_a_speed_is_held_for_its_time_only(hardware):
     assert drive.stands(0.3)
 
 
-def test_a_speed_may_be_held_on_where_no_time_passes_between_two_calls(hardware):
+def test_a_speed_may_be_held_on_where_no_time_passes_between_two_calls(hardware: Hardware) -> None:
     drive = Drive(hardware, None)
     drive.driver.hold(10, 10, 0.4, roll_on=True)
     assert drive.speed() > 0.05
 
 
-def test_a_speed_ends_with_a_collision_even_where_it_may_be_held_on(hardware):
+def test_a_speed_ends_with_a_collision_even_where_it_may_be_held_on(hardware: Hardware) -> None:
     drive = Drive(hardware, None)
     assert drive.driver.hold(40, 40, 20.0, roll_on=True).collided
     assert drive.stands()
 
 
-def test_no_speed_is_above_the_greatest_one(hardware):
+def test_no_speed_is_above_the_greatest_one(hardware: Hardware) -> None:
     drive = Drive(hardware, None)
     drive.driver.hold(127, -127, 0.4, roll_on=True)
     assert drive.speed() == pytest.approx(20 * 0.008, rel=0.1)
 
 
-def test_a_stop_that_was_not_confirmed_is_told_with_what_came_first(hardware, monkeypatch):
+def test_a_stop_that_was_not_confirmed_is_told_with_what_came_first(
+    hardware: Hardware, monkeypatch: pytest.MonkeyPatch
+) -> None:
     drive = Drive(hardware, defect)
 
-    def dead(*_):
+    def dead(*_: object) -> None:
         raise RobotError("the line is dead")
 
     monkeypatch.setattr(hardware.robot, "halt", dead)

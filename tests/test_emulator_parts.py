@@ -249,7 +249,8 @@ def test_a_url_runs_no_code_that_is_not_allowed(file: str, option: str) -> None:
 )
 def test_a_url_runs_code_that_is_allowed(file: str, option: str, name: str) -> None:
     name = name.format(file)
-    port = serial.serial_for_url("khepera://open-box?" + option.format(name), do_not_open=True)
+    url = "khepera://open-box?" + option.format(name)
+    port: Any = serial.serial_for_url(url, do_not_open=True)
     port.allowed = [name]
     port.open()
     port.close()

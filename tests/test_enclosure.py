@@ -7,9 +7,9 @@ import pytest
 from khepera_protocol.zenoh.payloads import Pose, Reset
 from worlds import arena, reachable
 
-from khepera_emulator.arenas.arena import arena_names, load_arena
+from khepera_emulator.arenas.arena import Arena, arena_names, load_arena
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.models import KHEPERA, KHEPERA2
+from khepera_emulator.models import KHEPERA, KHEPERA2, Model
 from khepera_emulator.robot.emulator import Setup, make_fleet
 from khepera_emulator.world.enclosure import Enclosure
 from khepera_emulator.world.floor_plan import FloorPlan
@@ -18,13 +18,13 @@ RADIUS = KHEPERA2.radius
 ROOM = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
 
 
-def enclosure(given, radius=RADIUS):
+def enclosure(given: Arena, radius: float = RADIUS) -> Enclosure:
     return Enclosure(FloorPlan(given), given.start, radius)
 
 
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2], ids=lambda model: model.name)
 @pytest.mark.parametrize("name", arena_names())
-def test_is_what_a_robot_can_reach_from_the_start(name, model):
+def test_is_what_a_robot_can_reach_from_the_start(name: str, model: Model) -> None:
     step = 0.01
     given = load_arena(name)
     plan, inside = FloorPlan(given), enclosure(given, model.radius)
@@ -38,7 +38,7 @@ def test_is_what_a_robot_can_reach_from_the_start(name, model):
 @pytest.mark.parametrize(
     ("width", "closed"), [(0.0, True), (0.02, True), (0.05, True), (0.08, False), (0.2, False)]
 )
-def test_ends_at_openings_that_are_too_narrow_for_a_robot(width, closed):
+def test_ends_at_openings_that_are_too_narrow_for_a_robot(width: float, closed: bool) -> None:
     door = [(-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5), (0.5, -width / 2), (0.5, 0.5), (-0.5, 0.5)]
     walls = [door[:4], [(0.5, width / 2), *door[4:]]]
     # a wall is longer than its points by half of its thickness at either end
@@ -48,7 +48,7 @@ def test_ends_at_openings_that_are_too_narrow_for_a_robot(width, closed):
     assert enclosure(given).holds(-3.0, 8.0) != closed
 
 
-def test_is_everywhere_where_nothing_encloses_the_start():
+def test_is_everywhere_where_nothing_encloses_the_start() -> None:
     for given in (
         arena(),
         arena(wall=[{"points": ROOM}], start={"x": 2, "y": 0}),
@@ -57,7 +57,7 @@ def test_is_everywhere_where_nothing_encloses_the_start():
         assert enclosure(given).holds(-9.9, 9.9)
 
 
-def test_has_several_rooms():
+def test_has_several_rooms() -> None:
     points = [*ROOM, ROOM[0], (0.0, -0.5), (0.0, 0.5)]
     inside = enclosure(arena(wall=[{"points": points}], start={"x": -0.2, "y": 0.0}))
     assert inside.holds(-0.3, 0.3)
@@ -66,7 +66,7 @@ def test_has_several_rooms():
 
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 9.0])
-def test_is_as_fine_as_the_arena_is_small(scale):
+def test_is_as_fine_as_the_arena_is_small(scale: float) -> None:
     ring = [(scale * cos(k), scale * sin(k)) for k in np.linspace(0.0, 2 * pi, 40)]
     inside = enclosure(arena(wall=[{"points": ring}]))
     for angle in np.linspace(0.0, 2 * pi, 30):
@@ -74,7 +74,7 @@ def test_is_as_fine_as_the_arena_is_small(scale):
         assert not inside.holds(*((scale + 0.04) * np.array([cos(angle), sin(angle)])))
 
 
-def test_posts_enclose_as_well_as_walls():
+def test_posts_enclose_as_well_as_walls() -> None:
     posts = [
         {"centre": (0.4 * cos(k), 0.4 * sin(k)), "radius": 0.02}
         for k in np.linspace(0.0, 2 * pi, 40, endpoint=False)
@@ -83,7 +83,7 @@ def test_posts_enclose_as_well_as_walls():
     assert enclosure(arena(cylinder=posts[:-2])).holds(0.5, 0.0)
 
 
-def test_holds_robots_wherever_they_are_put():
+def test_holds_robots_wherever_they_are_put() -> None:
     given = arena(
         wall=[{"points": [*ROOM, ROOM[0]]}],
         free={"points": [[-2.0, 0.0], [2.0, 0.0]], "half_width": 2.0},

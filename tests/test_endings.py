@@ -7,13 +7,16 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from drives import MACOR_HIL, STATUSES, WAYS_OUT, Drive
 from emulator_process import PATIENCE, emulator, free_endpoint
+from rig import Closing
 from short_training import train_shortly
 
 from macor_hil.cli import program
@@ -26,7 +29,7 @@ ENDS = [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0)]
 DOCS = Path(__file__).parent.parent / "docs"
 
 
-def macor_hil(*arguments, folder, **options):
+def macor_hil(*arguments: str, folder: Path, **options: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*MACOR_HIL, *arguments],
         cwd=folder,
@@ -37,7 +40,7 @@ def macor_hil(*arguments, folder, **options):
 
 
 @pytest.fixture(scope="module")
-def map_file(tmp_path_factory):
+def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return train_shortly(tmp_path_factory.mktemp("maps") / "short.npz")
 
 
@@ -51,7 +54,9 @@ LONG = {
 
 @pytest.mark.parametrize(("number", "status"), ENDS)
 @pytest.mark.parametrize("command", LONG)
-def test_a_signal_has_its_status_and_says_what_was_kept(tmp_path, command, number, status):
+def test_a_signal_has_its_status_and_says_what_was_kept(
+    tmp_path: Path, command: str, number: signal.Signals, status: int
+) -> None:
     arguments, file, says = LONG[command]
     given = [each.format(endpoint=free_endpoint()) for each in arguments]
     with subprocess.Popen(
@@ -72,7 +77,7 @@ def test_a_signal_has_its_status_and_says_what_was_kept(tmp_path, command, numbe
     assert not lock_of(tmp_path / "a").exists()
 
 
-def wait_for(path):
+def wait_for(path: Path) -> None:
     """Return when a file is there; a folder tells of it."""
     end = threading.Event()
     for _ in range(round(PATIENCE / 0.01)):
@@ -83,16 +88,18 @@ def wait_for(path):
 
 
 @pytest.fixture
-def on_a_terminal():
+def on_a_terminal() -> Iterator[Callable[..., Any]]:
     """Start a command on a terminal of its own."""
-    started = []
+    started: list[Closing] = []
     yield lambda *arguments, **popen: Drive(started, [*MACOR_HIL, *arguments], **popen)
     for drive in started:
         drive.close()
 
 
 @pytest.mark.parametrize("way", WAYS_OUT)
-def test_a_prompt_ends_as_everything_does(on_a_terminal, tmp_path, way):
+def test_a_prompt_ends_as_everything_does(
+    on_a_terminal: Callable[..., Any], tmp_path: Path, way: str
+) -> None:
     with emulator("--no-zenoh") as robot:
         command = ("calibrate", "--port", robot.path, "--profile", str(tmp_path / "p"))
         asked = on_a_terminal(*command)
@@ -103,7 +110,7 @@ def test_a_prompt_ends_as_everything_does(on_a_terminal, tmp_path, way):
     assert way == "terminal closed" or b"no move was measured" in asked.said
 
 
-def test_the_key_ctrl_c_at_a_prompt(on_a_terminal, tmp_path):
+def test_the_key_ctrl_c_at_a_prompt(on_a_terminal: Callable[..., Any], tmp_path: Path) -> None:
     with emulator("--no-zenoh") as robot:
         asked = on_a_terminal("calibrate", "--port", robot.path, "--profile", str(tmp_path / "p"))
         asked.wait_for(b"stands there: ")
@@ -112,7 +119,9 @@ def test_the_key_ctrl_c_at_a_prompt(on_a_terminal, tmp_path):
     assert b"Traceback" not in asked.said
 
 
-def test_what_hands_have_measured_is_kept(on_a_terminal, tmp_path):
+def test_what_hands_have_measured_is_kept(
+    on_a_terminal: Callable[..., Any], tmp_path: Path
+) -> None:
     command = ("calibrate", "--profile", str(tmp_path / "p"), "--side", "0.05", "--runs", "1")
     with emulator("--no-zenoh", "--speed", "20", "--baud", "unpaced", "--drift", "none") as robot:
         asked = on_a_terminal(*command, "--port", robot.path)
@@ -137,7 +146,7 @@ def test_what_hands_have_measured_is_kept(on_a_terminal, tmp_path):
     assert "--restart" in other.stderr
 
 
-def test_a_prompt_that_nobody_can_answer_is_an_error(tmp_path):
+def test_a_prompt_that_nobody_can_answer_is_an_error(tmp_path: Path) -> None:
     with emulator("--no-zenoh") as robot:
         done = macor_hil(
             *("calibrate", "--port", robot.path, "--profile", "p"),
@@ -148,7 +157,7 @@ def test_a_prompt_that_nobody_can_answer_is_an_error(tmp_path):
     assert "the standard input ended" in done.stderr
 
 
-def test_a_collision_has_a_status_of_its_own(map_file, tmp_path):
+def test_a_collision_has_a_status_of_its_own(map_file: Path, tmp_path: Path) -> None:
     run = ("run", "--map", str(map_file), "--planner", "reactive", "--commands", "500")
     done = macor_hil(
         *run, "--listen", free_endpoint(), "--port", "khepera://corridor?seed=1", folder=tmp_path
@@ -171,7 +180,9 @@ main()
 
 
 @pytest.mark.parametrize(("number", "status"), ENDS)
-def test_a_signal_while_the_program_is_being_imported_is_no_traceback(number, status):
+def test_a_signal_while_the_program_is_being_imported_is_no_traceback(
+    number: signal.Signals, status: int
+) -> None:
     code = IMPORTING.format(number=int(number))
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE, check=False
@@ -181,14 +192,14 @@ def test_a_signal_while_the_program_is_being_imported_is_no_traceback(number, st
 
 
 @pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
-def test_standard_files_may_be_closed(tmp_path, closed):
+def test_standard_files_may_be_closed(tmp_path: Path, closed: str) -> None:
     command = f'"{sys.executable}" -m macor_hil.cli look --picture a.png {closed}'
     done = subprocess.run(["sh", "-c", command], cwd=tmp_path, timeout=PATIENCE, check=False)
     assert done.returncode == 0
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_an_output_without_room_is_one_sentence(tmp_path):
+def test_an_output_without_room_is_one_sentence(tmp_path: Path) -> None:
     with Path("/dev/full").open("w") as full:
         done = macor_hil(
             "keys", folder=tmp_path, capture_output=False, stdout=full, stderr=subprocess.PIPE
@@ -197,7 +208,7 @@ def test_an_output_without_room_is_one_sentence(tmp_path):
     assert done.stderr == "macor-hil: cannot go on: No space left on device\n"
 
 
-def test_an_output_that_nobody_reads_is_one_sentence(tmp_path):
+def test_an_output_that_nobody_reads_is_one_sentence(tmp_path: Path) -> None:
     read, write = os.pipe()
     os.close(read)
     done = macor_hil(
@@ -208,7 +219,7 @@ def test_an_output_that_nobody_reads_is_one_sentence(tmp_path):
     assert done.stderr == "macor-hil: nobody reads the standard output\n"
 
 
-def thousand_descriptors():
+def thousand_descriptors() -> None:
     """Leave more open than `select` has a place for."""
     hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, 4096), hard))
@@ -218,7 +229,9 @@ def thousand_descriptors():
 
 
 @pytest.mark.parametrize("options", [(), ("--tcp", "127.0.0.1:0"), ("--rfc2217", "127.0.0.1:0")])
-def test_a_thousand_inherited_descriptors_are_no_hindrance(tmp_path, options):
+def test_a_thousand_inherited_descriptors_are_no_hindrance(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
     few = {"close_fds": False, "preexec_fn": thousand_descriptors}
     with emulator("--baud", "unpaced", "--no-zenoh", *options, **few) as robot:
         done = macor_hil(
@@ -230,10 +243,12 @@ def test_a_thousand_inherited_descriptors_are_no_hindrance(tmp_path, options):
     assert "the standard input ended" in done.stderr  # the robot has answered, and a hand is needed
 
 
-def test_an_interrupt_within_an_atomic_write_leaves_nothing_behind(tmp_path, monkeypatch):
+def test_an_interrupt_within_an_atomic_write_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in ("fsync", "replace"):
 
-        def interrupted(*_):
+        def interrupted(*_: int | Path) -> None:
             raise KeyboardInterrupt
 
         target = os if name == "fsync" else Path
@@ -244,7 +259,7 @@ def test_an_interrupt_within_an_atomic_write_leaves_nothing_behind(tmp_path, mon
     assert list(tmp_path.iterdir()) == []
 
 
-def test_one_program_at_a_time_works_on_a_file(tmp_path):
+def test_one_program_at_a_time_works_on_a_file(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "a"
     with (
         claim(path),
@@ -257,7 +272,7 @@ def test_one_program_at_a_time_works_on_a_file(tmp_path):
     assert list(path.parent.iterdir()) == []
 
 
-def test_a_lock_that_a_kill_has_left_behind_holds_nobody(tmp_path):
+def test_a_lock_that_a_kill_has_left_behind_holds_nobody(tmp_path: Path) -> None:
     with claim(tmp_path / "a"):
         left = lock_of(tmp_path / "a").read_bytes()
     lock_of(tmp_path / "a").write_bytes(left)
@@ -266,14 +281,14 @@ def test_a_lock_that_a_kill_has_left_behind_holds_nobody(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_of_somebody_elses_is_not_taken_for_a_lock(tmp_path):
+def test_a_file_of_somebody_elses_is_not_taken_for_a_lock(tmp_path: Path) -> None:
     lock_of(tmp_path / "a").write_bytes(b"mine")
     with pytest.raises(MacorError, match="is none; move it away"), claim(tmp_path / "a"):
         pass
     assert lock_of(tmp_path / "a").read_bytes() == b"mine"
 
 
-def test_two_trainings_of_one_map_do_not_both_report_success(tmp_path):
+def test_two_trainings_of_one_map_do_not_both_report_success(tmp_path: Path) -> None:
     with claim(tmp_path / "a.npz"):
         done = macor_hil("train", "--map", "a.npz", "--tuning", "10", folder=tmp_path)
     assert done.returncode == Status.FAILED
@@ -306,8 +321,13 @@ BAD_PATHS = {
     ids=" ".join,
 )
 def test_a_file_that_cannot_be_written_is_refused_before_work_begins(
-    tmp_path, monkeypatch, capfd, command, path, says
-):
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    command: tuple[str, ...],
+    path: str,
+    says: str,
+) -> None:
     (tmp_path / "file").touch()
     os.mkfifo(tmp_path / "pipe")
     refuse([*command, path], says, tmp_path, monkeypatch, capfd)
@@ -319,8 +339,13 @@ def test_a_file_that_cannot_be_written_is_refused_before_work_begins(
     [("/", "is the root folder"), ("file", "file is no folder"), ("x" * 300, "is too long")],
 )
 def test_a_folder_that_cannot_be_written_is_refused_before_work_begins(
-    tmp_path, monkeypatch, capfd, command, path, says
-):
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    command: tuple[str, ...],
+    path: str,
+    says: str,
+) -> None:
     (tmp_path / "file").touch()
     refuse([*command, path], says, tmp_path, monkeypatch, capfd)
 
@@ -337,16 +362,27 @@ def test_a_folder_that_cannot_be_written_is_refused_before_work_begins(
     ],
 )
 def test_what_cannot_be_is_refused_before_work_begins(
-    map_file, tmp_path, monkeypatch, capfd, command, says
-):
+    map_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    command: tuple[str, ...],
+    says: str,
+) -> None:
     given = [each.format(map=map_file) for each in command]
     refuse(given, says, tmp_path, monkeypatch, capfd)
 
 
-def refuse(arguments, says, folder, monkeypatch, capfd):
+def refuse(
+    arguments: list[str],
+    says: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     """See that a command is refused in one sentence, at once, and writes nothing."""
 
-    def opened(*_, **__):
+    def opened(*_: object, **__: object) -> None:
         raise AssertionError("work has begun")
 
     monkeypatch.chdir(folder)
@@ -360,7 +396,9 @@ def refuse(arguments, says, folder, monkeypatch, capfd):
     assert sorted(folder.iterdir()) == before
 
 
-def test_a_camera_of_a_wrong_size_fails_at_once_with_the_same_hint(map_file, tmp_path):
+def test_a_camera_of_a_wrong_size_fails_at_once_with_the_same_hint(
+    map_file: Path, tmp_path: Path
+) -> None:
     (tmp_path / "small").mkdir()
     for number in range(3):
         cv2.imwrite(str(tmp_path / "small" / f"{number}.png"), np.full((80, 80, 3), 99, np.uint8))
@@ -375,7 +413,7 @@ def test_a_camera_of_a_wrong_size_fails_at_once_with_the_same_hint(map_file, tmp
     assert "macor-hil camera --calibrate" in hint
 
 
-def test_a_robots_wrong_name_fails_at_once(map_file, tmp_path):
+def test_a_robots_wrong_name_fails_at_once(map_file: Path, tmp_path: Path) -> None:
     with emulator("--listen", (endpoint := free_endpoint()), "--baud", "unpaced") as robot:
         done = macor_hil(
             *("run", "--port", robot.path, "--map", str(map_file), "--robot", "other"),
@@ -386,7 +424,7 @@ def test_a_robots_wrong_name_fails_at_once(map_file, tmp_path):
     assert "no camera answers on the Zenoh key khepera/other/camera" in done.stderr
 
 
-def test_the_statuses_are_documented():
+def test_the_statuses_are_documented() -> None:
     page = (DOCS / "exit-status.md").read_text("utf-8")
     documented = re.findall(r"^\| (\d+) \|", page, re.MULTILINE)
     assert documented == [str(int(status)) for status in Status]

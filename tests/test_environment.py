@@ -3,16 +3,19 @@
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import gymnasium
 import numpy as np
 import pytest
+from as_type import as_type
 from emulator_process import PATIENCE
 from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
-from rig import rig
+from rig import Rig, rig
 
 from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.environment import LONGEST_HOLD, Observation, Start, graded
@@ -24,52 +27,57 @@ EXAMPLE = Path(__file__).parent.parent / "examples" / "gymnasium_learner.py"
 LEFT, RIGHT, STRAIGHT = range(3)
 
 
-def make(name=IDS[0], **settings):
+def make(name: str = IDS[0], **settings: Any) -> gymnasium.Env[Any, Any]:
     return gymnasium.make(name, **settings)
 
 
+def itself(env: gymnasium.Env[Any, Any]) -> Any:
+    """The environment without wrappers, and with all that it keeps."""
+    return env.unwrapped
+
+
 @pytest.fixture
-def env():
+def env() -> Iterator[gymnasium.Env[Any, Any]]:
     with make() as made:
         yield made
 
 
 @pytest.mark.parametrize("observation", list(Observation))
 @pytest.mark.parametrize("name", IDS)
-def test_gymnasiums_checker_has_nothing_to_say(name, observation):
+def test_gymnasiums_checker_has_nothing_to_say(name: str, observation: Observation) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with make(name, observation=observation) as env:
             check_env(env.unwrapped)
 
 
-def rollout(name, seed, steps=6):
+def rollout(name: str, seed: int, steps: int = 6) -> list[Any]:
     with make(name) as env:
         env.action_space.seed(seed)
         seen, _ = env.reset(seed=seed)
-        told = [seen.tolist()]
+        told: list[Any] = [seen.tolist()]
         for _ in range(steps):
             seen, reward, terminated, _, info = env.step(env.action_space.sample())
             told.append((seen.tolist(), reward, terminated, info))
             if terminated:
                 seen, info = env.reset()
                 told.append((seen.tolist(), info))
-        return told
+    return told
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_the_seed_decides_everything(name):
+def test_the_seed_decides_everything(name: str) -> None:
     assert rollout(name, 4) == rollout(name, 4)
     assert rollout(name, 4) != rollout(name, 5)
 
 
-def test_episodes_differ_until_the_seed_is_given_again(env):
+def test_episodes_differ_until_the_seed_is_given_again(env: gymnasium.Env[Any, Any]) -> None:
     first = env.reset(seed=1)[1]["pose"]
     assert env.reset()[1]["pose"] != first
     assert env.reset(seed=1)[1]["pose"] == first
 
 
-def test_a_pose_can_be_asked_for(env):
+def test_a_pose_can_be_asked_for(env: gymnasium.Env[Any, Any]) -> None:
     _, info = env.reset(seed=1, options={"pose": (0.3, 0.0, 1.0)})
     assert info["pose"] == pytest.approx((0.3, 0.0, 1.0))
 
@@ -93,18 +101,20 @@ def test_a_pose_can_be_asked_for(env):
         ({"pose": (0.3, 0.6, 0.0)}, "x=0.300 m, y=0.600 m is outside the walls of the arena"),
     ],
 )
-def test_wrong_options_are_refused_and_change_nothing(env, options, message):
+def test_wrong_options_are_refused_and_change_nothing(
+    env: gymnasium.Env[Any, Any], options: dict[str, int | tuple[float, float, float]], message: str
+) -> None:
     if options == {"pose": (1e308, 0.0, 0.0)}:
         message = "x=|is not x, y and heading"  # by whoever sees it first
     env.reset(seed=1, options={"pose": (0.3, 0.0, 1.0)})
-    before = env.unwrapped._hardware.bench.truth()
+    before = itself(env)._hardware.bench.truth()
     with pytest.raises(MacorError, match=message) as caught:
         env.unwrapped.reset(seed=2, options=options)
     assert str(caught.value).isprintable()
-    assert env.unwrapped._hardware.bench.truth() == before
+    assert itself(env)._hardware.bench.truth() == before
 
 
-def test_no_options_are_as_good_as_none(env):
+def test_no_options_are_as_good_as_none(env: gymnasium.Env[Any, Any]) -> None:
     for options in (None, {}, {"pose": None}):
         env.reset(seed=1, options=options)
     _, info = env.reset(seed=1, options={"pose": np.array([0.3, 0.0, 1.0], np.float32)})
@@ -114,12 +124,14 @@ def test_no_options_are_as_good_as_none(env):
 @pytest.mark.parametrize(
     "action", [-1, 3, 1.0, np.nan, None, "0", [0], np.array([1]), np.array(1.0), 10**30]
 )
-def test_a_command_that_is_none_is_refused(env, action):
+def test_a_command_that_is_none_is_refused(
+    env: gymnasium.Env[Any, Any], action: float | list[int] | str | None
+) -> None:
     env.reset(seed=1)
-    before = env.unwrapped._hardware.bench.truth()
+    before = itself(env)._hardware.bench.truth()
     with pytest.raises(InvalidAction, match=r"the action .* is none of 0 \(left\)"):
         env.unwrapped.step(action)
-    assert env.unwrapped._hardware.bench.truth() == before
+    assert itself(env)._hardware.bench.truth() == before
     for good in (0, np.int64(1), np.array(2)):
         env.step(good)
 
@@ -145,30 +157,30 @@ def test_a_command_that_is_none_is_refused(env, action):
         "stop\x1b[2J",
     ],
 )
-def test_wheel_speeds_outside_the_space_are_refused(action):
+def test_wheel_speeds_outside_the_space_are_refused(action: float | list[Any] | str | None) -> None:
     with make(IDS[1]) as env:
         env.reset(seed=1)
-        before = env.unwrapped._hardware.bench.truth()
+        before = itself(env)._hardware.bench.truth()
         with pytest.raises(InvalidAction, match=r"not two speeds from -0\.16 to 0\.16") as caught:
             env.unwrapped.step(action)
         assert str(caught.value).isprintable()
-        assert env.unwrapped._hardware.bench.truth() == before
+        assert itself(env)._hardware.bench.truth() == before
 
 
 @pytest.mark.parametrize("kind", [list, tuple, np.float64, np.float32, np.float16])
-def test_wheel_speeds_of_any_real_type_are_driven(kind):
+def test_wheel_speeds_of_any_real_type_are_driven(kind: Any) -> None:
     speeds = [0.12, -0.08]
     action = kind(speeds) if kind in (list, tuple) else np.array(speeds, kind)
     with make(IDS[1]) as env, warnings.catch_warnings():
         warnings.simplefilter("error")
         env.reset(seed=1)
         env.unwrapped.step(action)
-        left, right = env.unwrapped._hardware.robot.request("E").values
+        left, right = itself(env)._hardware.robot.request("E").values
     assert left == pytest.approx(15, abs=1)
     assert right == pytest.approx(-10, abs=1)
 
 
-def test_starts_near_the_arenas_own_are_near_each_other():
+def test_starts_near_the_arenas_own_are_near_each_other() -> None:
     with make(start=Start.ARENA) as env:
         poses = np.array([env.reset(seed=seed)[1]["pose"] for seed in range(5)])
     spread = poses.max(axis=0) - poses.min(axis=0)
@@ -176,7 +188,7 @@ def test_starts_near_the_arenas_own_are_near_each_other():
     assert np.hypot(*spread[:2]) < 0.05
 
 
-def test_commands_turn_and_earn_as_in_the_paper(env):
+def test_commands_turn_and_earn_as_in_the_paper(env: gymnasium.Env[Any, Any]) -> None:
     for command, turn, earned in ((LEFT, 12, 0.54), (RIGHT, -12, 0.54), (STRAIGHT, 0, 0.62)):
         _, before = env.reset(seed=1, options={"pose": (0.3, 0.0, 0.0)})
         _, reward, terminated, truncated, info = env.step(command)
@@ -186,7 +198,7 @@ def test_commands_turn_and_earn_as_in_the_paper(env):
         assert not truncated
 
 
-def test_a_collision_ends_the_episode_and_earns_nothing(env):
+def test_a_collision_ends_the_episode_and_earns_nothing(env: gymnasium.Env[Any, Any]) -> None:
     env.reset(seed=1, options={"pose": (0.3, 0.0, np.pi / 2)})
     earned = []
     for _ in range(10):
@@ -198,14 +210,14 @@ def test_a_collision_ends_the_episode_and_earns_nothing(env):
     assert earned == pytest.approx([0.62] * (len(earned) - 1) + [0.0])
 
 
-def test_forty_steps_are_an_episode():
+def test_forty_steps_are_an_episode() -> None:
     with make("khepera/Wheels-v0") as env:
         env.reset(seed=1, options={"pose": (0.3, 0.0, 0.0)})
         ends = [env.step(np.zeros(2, np.float32))[2:4] for _ in range(40)]
     assert ends == [(False, False)] * 39 + [(False, True)]
 
 
-def test_wheels_drive_at_the_speeds_asked_for():
+def test_wheels_drive_at_the_speeds_asked_for() -> None:
     with make("khepera/Wheels-v0", port="khepera://corridor?seed=1&drift=none") as env:
         _, before = env.reset(seed=1, options={"pose": (0.3, 0.0, 0.0)})
         infos = [env.step(np.array([0.048, 0.08], np.float32))[4] for _ in range(4)]
@@ -216,7 +228,7 @@ def test_wheels_drive_at_the_speeds_asked_for():
     assert end["pose"][2] > before["pose"][2]
 
 
-def test_any_arc_earns_between_the_papers_values():
+def test_any_arc_earns_between_the_papers_values() -> None:
     earns = Reinforcement()
     assert [graded(earns, command, False) for command in COMMANDS] == [
         earns(command, False) for command in COMMANDS
@@ -228,18 +240,18 @@ def test_any_arc_earns_between_the_papers_values():
     assert graded(earns, COMMANDS[STRAIGHT], True) == earns.collision
 
 
-def test_the_picture_of_the_camera_is_rendered_in_red_green_and_blue():
+def test_the_picture_of_the_camera_is_rendered_in_red_green_and_blue() -> None:
     with make(observation="mirror", render_mode="rgb_array") as env:
         seen, _ = env.reset(seed=1)
-        camera = env.unwrapped._frame.image
-        assert np.array_equal(env.render(), seen)
+        camera = itself(env)._frame.image
+        assert np.array_equal(as_type(np.ndarray, env.render()), seen)
         assert np.array_equal(seen, camera[:, :, ::-1])
 
 
-def test_many_robots_learn_at_once():
+def test_many_robots_learn_at_once() -> None:
     envs = gymnasium.make_vec(IDS[0], num_envs=2, vectorization_mode="sync")
     try:
-        seen, _ = envs.reset(seed=[1, 2])
+        seen, _ = envs.reset(seed=[1, 2])  # type: ignore[arg-type]
         assert seen.shape == (2, 36)
         assert not np.array_equal(seen[0], seen[1])
     finally:
@@ -254,19 +266,19 @@ def test_many_robots_learn_at_once():
         ({"port": "khepera://nowhere"}, "nowhere"),
     ],
 )
-def test_wrong_settings_are_named(settings, message):
+def test_wrong_settings_are_named(settings: dict[str, str], message: str) -> None:
     with pytest.raises(MacorError, match=message):
         make(**settings)
 
 
-def test_the_robot_stands_when_the_environment_is_closed():
+def test_the_robot_stands_when_the_environment_is_closed() -> None:
     env = make("khepera/Wheels-v0")
     env.reset(seed=1, options={"pose": (0.3, 0.0, 0.0)})
     env.step(np.full(2, 0.16, np.float32))
-    emulator = env.unwrapped._hardware.robot.port.emulator
+    emulator = itself(env)._hardware.robot.port.emulator
     at_the_end = []
 
-    def close(switch_off=emulator.close):
+    def close(switch_off: Callable[..., Any] = emulator.close) -> None:
         emulator.advance(emulator.now + 1.0)
         at_the_end.append(max(map(abs, emulator.truth().speed)))
         switch_off()
@@ -327,7 +339,7 @@ ENDINGS = {
 
 
 @pytest.fixture(scope="module")
-def pictures(tmp_path_factory):
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of pictures, as many as steps are ever driven."""
     folder = tmp_path_factory.mktemp("pictures")
     with make(observation="mirror") as env:
@@ -338,12 +350,12 @@ def pictures(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory):
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     with rig(tmp_path_factory.mktemp("bench"), relay=False, baud=9600) as running:
         yield running
 
 
-def learns_until(bench, pictures, trouble):
+def learns_until(bench: Rig, pictures: Path, trouble: str) -> None:
     bench.make_ready()
     script = A_LEARNER.format(trouble)
     learner = bench.start([sys.executable, "-c", script, str(bench.link), str(pictures)])
@@ -352,12 +364,12 @@ def learns_until(bench, pictures, trouble):
 
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("trouble", ENDINGS.values(), ids=ENDINGS)
-def test_a_robot_stands_whatever_ends_a_step(bench, pictures, trouble):
+def test_a_robot_stands_whatever_ends_a_step(bench: Rig, pictures: Path, trouble: str) -> None:
     assert bench.stops_within(0.5, lambda: learns_until(bench, pictures, trouble))
 
 
 @pytest.mark.wall_clock
-def test_a_step_that_never_ends_does_not_hold_the_wheels_speeds(bench, pictures):
+def test_a_step_that_never_ends_does_not_hold_the_wheels_speeds(bench: Rig, pictures: Path) -> None:
     stuck = "trouble(lambda: time.sleep(60))"
     period = 0.13
     limit = period + LONGEST_HOLD + 0.5
@@ -365,7 +377,7 @@ def test_a_step_that_never_ends_does_not_hold_the_wheels_speeds(bench, pictures)
 
 
 @pytest.mark.wall_clock
-def test_a_step_that_was_kept_from_its_end_goes_on(bench, pictures):
+def test_a_step_that_was_kept_from_its_end_goes_on(bench: Rig, pictures: Path) -> None:
     late = "trouble(lambda: time.sleep(1.0)); [env.step(spin) for _ in range(5)]; print('done')"
     bench.make_ready()
     script = A_LEARNER.format(late + "; sys.exit(0)")
@@ -373,7 +385,7 @@ def test_a_step_that_was_kept_from_its_end_goes_on(bench, pictures):
     assert learner.end() == "done"
 
 
-def test_the_example_trains_and_scores_a_learner():
+def test_the_example_trains_and_scores_a_learner() -> None:
     done = subprocess.run(
         [sys.executable, EXAMPLE, "--experience", "60", "--trials", "1"],
         capture_output=True,

@@ -2,6 +2,8 @@
 
 import csv
 from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
 
 import pytest
 from typer.testing import CliRunner
@@ -32,12 +34,12 @@ TINY = replace(
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory):
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("suite")
     return reproduce([TINY], 1, 1, out, lambda *_: None)
 
 
-def test_every_trial_has_a_row(report):
+def test_every_trial_has_a_row(report: Path) -> None:
     with (report.parent / "arenas.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 3 * len(SYSTEMS)
@@ -55,7 +57,7 @@ def test_every_trial_has_a_row(report):
     assert any(row["share"] != "1.0" for row in rows)
 
 
-def test_the_report_tells_and_shows_every_arena(report):
+def test_the_report_tells_and_shows_every_arena(report: Path) -> None:
     text = (report.parent / "report.md").read_text()
     assert "| maze, as it is | " in text
     assert "Trained in place, foresight is asked for at least 99 %" in text
@@ -66,7 +68,7 @@ def test_the_report_tells_and_shows_every_arena(report):
     }
 
 
-def test_arenas_are_names_or_files(tmp_path):
+def test_arenas_are_names_or_files(tmp_path: Path) -> None:
     assert Place("maze").file(tmp_path) == "maze"
     path = Place("maze", own_colours=True).file(tmp_path)
     colours = [wall.colour for wall in load_arena(path).wall]
@@ -74,18 +76,18 @@ def test_arenas_are_names_or_files(tmp_path):
     assert load_arena(Place(3).file(tmp_path)).title.startswith("Generated from seed 3")
 
 
-def test_the_suite_has_every_bundled_arena():
+def test_the_suite_has_every_bundled_arena() -> None:
     homes = ARENAS.settings.homes
     assert {place.arena for place in homes if place.own_colours} == set(bundled_arenas())
     assert {place.arena for place in homes if not place.own_colours} > set(bundled_arenas())
     assert not set(ARENAS.settings.mixture) & set(ARENAS.settings.unseen)
 
 
-def test_the_quick_form_is_of_those_that_have_one():
+def test_the_quick_form_is_of_those_that_have_one() -> None:
     (quick,) = catalogue.quick(catalogue.find("arenas"))
     assert quick.settings == ARENAS.quick
     assert quick.settings.drive.random < Drive().random
     with pytest.raises(MacorError, match="table1 has no quick form; these have: arenas"):
         catalogue.quick(catalogue.find("table1"))
-    said = CliRunner().invoke(app, ["reproduce", "table1", "--quick"])
+    said = CliRunner().invoke(cast(Any, app), ["reproduce", "table1", "--quick"])
     assert said.exit_code != 0

@@ -5,19 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from as_type import as_type
 from planning import square
 
 from macor_hil.commands import COMMANDS, STRAIGHT
 from macor_hil.experiments import goals
 from macor_hil.experiments.beyond import BEYOND
 from macor_hil.experiments.drift import DRIFT
-from macor_hil.experiments.drives.course import Course, trial_from_json
+from macor_hil.experiments.drives.course import Course, System, trial_from_json
 from macor_hil.experiments.drives.systems import ANTICIPATIVE, GRADED, SYSTEMS, learn_all
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.goals import GOALS
 from macor_hil.experiments.report.elements import Table, Text
 from macor_hil.experiments.sweep.runner import reproduce
+from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.settings import MindSettings
 
 DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))
@@ -67,18 +69,22 @@ def test_maps_are_driven_on_robots_with_other_drifts(recordings: Recordings) -> 
     assert experiment.tell(experiment.settings, {1: result})
 
 
+def transitions_of(system: System) -> SensorimotorMap:
+    return as_type(SensorimotorMap, system.brain.memories["transitions"])
+
+
 def test_a_changed_goal_is_learned_from_the_change_on(recordings: Recordings) -> None:
     experiment = tiny(GOALS, course=COURSE, looks=(0, 20))
     settings = experiment.settings
     system = learn_all(settings, recordings[1])[ANTICIPATIVE]
     same = goals._changed(settings, system, recordings[1], 0)
-    before, unchanged = (one.brain.memories["transitions"] for one in (system, same))
+    before, unchanged = (transitions_of(one) for one in (system, same))
     np.testing.assert_array_equal(square(unchanged, "w_r"), square(before, "w_r"))
     np.testing.assert_array_equal(square(unchanged, "w_c"), square(before, "w_c"))
     changed = goals._changed(settings, system, recordings[1], 31)
-    after = changed.brain.memories["transitions"]
+    after = transitions_of(changed)
     # transitions by straight on: they earn what they earn now
-    straight = np.zeros_like(square(after, "w_r"), dtype=bool)
+    straight = np.zeros(square(after, "w_r").shape, dtype=bool)
     straight[COMMANDS.index(STRAIGHT) :: len(COMMANDS)] = True
     seen = (square(after, "w_r") != square(before, "w_r")) & straight
     assert seen.any()

@@ -1,5 +1,6 @@
 """Feelers find a collision where the infrared sensors are saturated, and where the body touches."""
 
+from collections.abc import Sequence
 from math import hypot
 
 import numpy as np
@@ -7,8 +8,8 @@ import pytest
 from khepera_protocol.zenoh.payloads import Outline, Pose, Solid
 from worlds import arena
 
-from khepera_emulator.arenas.arena import arena_names, load_arena
-from khepera_emulator.models import KHEPERA, KHEPERA2
+from khepera_emulator.arenas.arena import Arena, arena_names, load_arena
+from khepera_emulator.models import KHEPERA, KHEPERA2, Model
 from khepera_emulator.routes.feelers import Feelers, Poses, solids_of
 from khepera_emulator.senses.infrared import Infrared, sensor_ring
 from khepera_emulator.world.floor_plan import FloorPlan
@@ -24,16 +25,21 @@ ONE_COLOUR = [
 ]
 
 
-def feelers(made, model=KHEPERA, margin=0.0):
+def feelers(made: Arena, model: Model = KHEPERA, margin: float = 0.0) -> Feelers:
     return Feelers(solids_of(outline(made, model)), model, COLLISION, margin)
 
 
-def touches(made, poses, model=KHEPERA, margin=0.0):
+def touches(
+    made: Arena,
+    poses: Sequence[np.ndarray | tuple[float, float, float]] | np.ndarray,
+    model: Model = KHEPERA,
+    margin: float = 0.0,
+) -> np.ndarray:
     x, y, heading = np.array(poses, dtype=float).T
     return feelers(made, model, margin).touch(Poses(x, y, heading), HERE)[:, 0]
 
 
-def near_walls(made, count, seed=0):
+def near_walls(made: Arena, count: int, seed: int = 0) -> list[np.ndarray]:
     """Poses in whose reach something is."""
     plan = FloorPlan(made)
     (x0, y0), (x1, y1) = plan.bounds()
@@ -41,7 +47,7 @@ def near_walls(made, count, seed=0):
     return [pose for pose in drawn if 0.02 < plan.clearance(pose[0], pose[1]) < 0.06][:count]
 
 
-def saturated(made, poses, model):
+def saturated(made: Arena, poses: list[np.ndarray], model: Model) -> list[bool]:
     """The same as the sensors themselves tell it, one pose after the other."""
     plan = FloorPlan(made)
     infrared = Infrared(model, plan, [], np.random.default_rng(0))
@@ -57,7 +63,7 @@ def saturated(made, poses, model):
 
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2], ids=lambda model: model.name)
 @pytest.mark.parametrize("name", ONE_COLOUR)
-def test_they_agree_with_the_sensors(name, model):
+def test_they_agree_with_the_sensors(name: str, model: Model) -> None:
     made = load_arena(name)
     poses = near_walls(made, 400)
     told = touches(made, poses, model)
@@ -66,7 +72,7 @@ def test_they_agree_with_the_sensors(name, model):
 
 
 @pytest.mark.parametrize("name", ["maze", "narrow-passage", "lamp-room"])
-def test_among_colours_they_never_miss_a_collision(name):
+def test_among_colours_they_never_miss_a_collision(name: str) -> None:
     made = load_arena(name)
     poses = near_walls(made, 1000)
     told, true = touches(made, poses), np.array(saturated(made, poses, KHEPERA))
@@ -74,7 +80,7 @@ def test_among_colours_they_never_miss_a_collision(name):
     assert (told & ~true).sum() <= 5  # a ray that meets two colours at a corner
 
 
-def test_a_margin_is_kept():
+def test_a_margin_is_kept() -> None:
     wall = arena(wall=[{"points": [[0.105, -1.0], [0.105, 1.0]]}])
     ahead = [(x, 0.0, 0.0) for x in np.arange(0.0, 0.08, 1e-4)]
     without, kept = touches(wall, ahead), touches(wall, ahead, margin=0.002)
@@ -82,21 +88,21 @@ def test_a_margin_is_kept():
 
 
 @pytest.mark.parametrize(("colour", "closer"), [(1.0, 0.0), (0.5, 0.003), (0.0, 0.01)])
-def test_dark_walls_are_felt_later(colour, closer):
+def test_dark_walls_are_felt_later(colour: float, closer: float) -> None:
     wall = {"points": [[0.105, -1.0], [0.105, 1.0]], "colour": [colour] * 3}
     ahead = [(x, 0.0, 0.0) for x in np.arange(0.0, 0.08, 1e-4)]
     white = touches(arena(wall=[{**wall, "colour": [1.0] * 3}]), ahead).argmax()
     assert touches(arena(wall=[wall]), ahead).argmax() >= white + closer / 1e-4
 
 
-def test_what_is_behind_counts_when_the_body_touches_it():
+def test_what_is_behind_counts_when_the_body_touches_it() -> None:
     wall = arena(wall=[{"points": [[0.105, -1.0], [0.105, 1.0]]}])
     gaps = np.array([0.001, -0.001])
     away = [(0.1 - KHEPERA.radius - gap, 0.0, np.pi) for gap in gaps]
     assert touches(wall, away).tolist() == [False, True]
 
 
-def test_every_step_is_looked_at_from_every_pose():
+def test_every_step_is_looked_at_from_every_pose() -> None:
     made = load_arena("maze")
     poses = near_walls(made, 50)
     steps = np.array([[0.0, 0.0, 0.0], [0.01, 0.002, 0.1], [0.02, -0.004, -0.3]])
@@ -108,17 +114,17 @@ def test_every_step_is_looked_at_from_every_pose():
         assert told[:, k].tolist() == touches(made, there.T).tolist()
 
 
-def test_an_empty_floor_touches_nobody():
+def test_an_empty_floor_touches_nobody() -> None:
     assert not touches(arena(), [(0.0, 0.0, 0.0)]).any()
 
 
-def drawn(*shapes):
+def drawn(*shapes: list[tuple[float, float]]) -> Outline:
     solids = [Solid(corners=corners, colour=(1.0, 1.0, 1.0)) for corners in shapes]
     start = Pose(x=0.0, y=0.0, heading=0.0)
     return Outline(title="", floor=(0, 0, 0), solids=solids, start=start, robot_radius=0.0275)
 
 
-def test_rectangles_and_discs_are_known_by_their_corners():
+def test_rectangles_and_discs_are_known_by_their_corners() -> None:
     made = load_arena("lamp-room")
     solids = solids_of(outline(made, KHEPERA))
     plan = FloorPlan(made)
@@ -140,7 +146,7 @@ def test_rectangles_and_discs_are_known_by_their_corners():
     ],
     ids=["triangle", "parallelogram", "a corner twice"],
 )
-def test_other_shapes_are_their_edges(corners):
+def test_other_shapes_are_their_edges(corners: list[tuple[float, float]]) -> None:
     solids = solids_of(drawn(corners))
     edges = [(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True) if a != b]
     assert solids.half_length * 2 == pytest.approx([hypot(*np.subtract(b, a)) for a, b in edges])
@@ -153,7 +159,7 @@ def test_other_shapes_are_their_edges(corners):
 
 
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2], ids=lambda model: model.name)
-def test_the_gap_of_a_reading_is_where_it_is_read(model):
+def test_the_gap_of_a_reading_is_where_it_is_read(model: Model) -> None:
     infrared = Infrared(model, FloorPlan(arena()), [], np.random.default_rng(0))
     for number, sensor in enumerate(sensor_ring(model)):
         for count in (COLLISION, 500):

@@ -2,10 +2,13 @@
 
 from itertools import pairwise
 from math import cos, radians, sin
+from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from as_type import as_type, not_none
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Pose
 from planning import moment
@@ -15,7 +18,7 @@ from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.senses.camera import HEIGHT, OmniCamera
 from khepera_emulator.world.floor_plan import FloorPlan
 from khepera_emulator.world.world import World
-from macor_hil.arrays import Array
+from macor_hil.arrays import Array, Image
 from macor_hil.commands import COMMANDS, LEFT, RIGHT, STRAIGHT
 from macor_hil.hardware.cameras.light import LIGHTS
 from macor_hil.hardware.devices import open_hardware
@@ -50,9 +53,16 @@ IN_HEIGHTS = ARCS / (HEIGHT, HEIGHT, 1.0)
 SMALL_MIRROR = Mirror(120, 100, 61.0, 48.0, 12.0, 46.0, radians(-55), radians(15))
 
 
+Colour = tuple[int, int, int]
+
+
 @pytest.fixture(scope="module")
-def maze_map(tmp_path_factory):
+def maze_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return train_shortly(tmp_path_factory.mktemp("maps") / "maze.npz", MAZE, random=500)
+
+
+def foresight_of(map_file: Path) -> ForesightMemory:
+    return as_type(ForesightMemory, load_map(map_file)[0].memories["foresight"])
 
 
 def true_distances(plan: FloorPlan, pose: Pose, columns: int) -> Array:
@@ -62,7 +72,7 @@ def true_distances(plan: FloorPlan, pose: Pose, columns: int) -> Array:
 
 
 @pytest.mark.parametrize("mirror", [Mirror(), SMALL_MIRROR])
-def test_the_floor_ends_where_the_floor_plan_says(mirror):
+def test_the_floor_ends_where_the_floor_plan_says(mirror: Mirror) -> None:
     world = World(load_arena("maze"))
     try:
         camera = OmniCamera(world, np.random.default_rng(1), mirror)
@@ -74,29 +84,29 @@ def test_the_floor_ends_where_the_floor_plan_says(mirror):
         world.close()
     near = (true > 0.05) & (true < 0.2)
     assert near.sum() > 60
-    stored = cv2.imdecode(cv2.imencode(".jpeg", picture)[1], cv2.IMREAD_COLOR)
+    stored = not_none(cv2.imdecode(cv2.imencode(".jpeg", picture)[1], cv2.IMREAD_COLOR))
     lit = [
         np.clip(light.on(picture.astype(float)), 0, 255).astype(np.uint8)
         for light in LIGHTS.values()
     ]
-    for each in (picture, stored, *lit):
+    for each in (picture, stored.astype(np.uint8), *lit):
         off = np.abs(HEIGHT / eyes.floor(eyes.look(each)) - true)[near]
         assert np.median(off) < 0.001
         assert np.quantile(off, 0.9) < 0.004  # where a corner cuts through a column
 
 
-def drawn(distance: float, wall, floor, mirror: Mirror, rows: int = 32) -> Array:
+def drawn(distance: float, wall: Colour, floor: Colour, mirror: Mirror, rows: int = 32) -> Image:
     """Draw a wall all round, with the share of it in the row where the floor ends."""
     depression = np.arctan(1 / distance)
     edge = (mirror.high + depression) / (mirror.high - mirror.low) * rows
     share = np.clip(edge - np.arange(rows), 0.0, 1.0)[:, None, None]
-    picture = share * np.array(wall, float) + (1 - share) * np.array(floor, float)
+    picture: Array = share * np.array(wall, float) + (1 - share) * np.array(floor, float)
     return np.rint(np.tile(picture, (1, 24, 1))).astype(np.uint8)
 
 
 @pytest.mark.parametrize("wall", [(40, 200, 220), (90, 90, 125), (250, 250, 250)])
 @pytest.mark.parametrize("distance", [0.8, 1.7, 4.0])
-def test_an_edge_is_found_within_its_row(wall, distance):
+def test_an_edge_is_found_within_its_row(wall: tuple[int, int, int], distance: float) -> None:
     profile = floor_profile(drawn(distance, wall, (90, 90, 90), Mirror()), Mirror(), 9.0)
     # a tenth of a row
     row = (Mirror().high - Mirror().low) / 32
@@ -104,12 +114,12 @@ def test_an_edge_is_found_within_its_row(wall, distance):
     assert np.abs(depression - np.arctan(1 / distance)).max() < 0.1 * row
 
 
-def test_where_nothing_stands_the_floor_goes_on():
+def test_where_nothing_stands_the_floor_goes_on() -> None:
     picture = np.full((32, 24, 3), 90, np.uint8)
     assert floor_profile(picture, Mirror(), 9.0) == pytest.approx(np.full(24, 1 / 25))
 
 
-def test_features_are_those_of_receptive_fields_alone():
+def test_features_are_those_of_receptive_fields_alone() -> None:
     eyes = FloorEyes(Mirror())
     picture = np.random.default_rng(0).integers(0, 256, (160, 160, 3), dtype=np.uint8)
     raw = eyes.look(picture)
@@ -119,7 +129,7 @@ def test_features_are_those_of_receptive_fields_alone():
     assert (eyes.tuned(raw) == eyes.fields.tune(raw[:36])).all()
 
 
-def test_hypothetical_drives_are_those_of_a_differential_drive():
+def test_hypothetical_drives_are_those_of_a_differential_drive() -> None:
     wheels = Wheels()
     drives = hypothetical_drives(IN_HEIGHTS)
     rng = np.random.default_rng(2)
@@ -135,7 +145,7 @@ def test_hypothetical_drives_are_those_of_a_differential_drive():
             at = stride.ends[command, at]
 
 
-def test_drives_that_have_come_to_the_same_square_go_on_as_one():
+def test_drives_that_have_come_to_the_same_square_go_on_as_one() -> None:
     drives = hypothetical_drives(IN_HEIGHTS)
     assert sum(stride.commands for stride in drives) == 42
     assert all(stride.ends.max() + 1 == stride.poses for stride in drives)
@@ -148,13 +158,13 @@ def square_room(half: float, columns: int = 120) -> Array:
     return np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles))) / half
 
 
-def test_clearance_is_the_distance_to_the_nearest_wall():
+def test_clearance_is_the_distance_to_the_nearest_wall() -> None:
     solid = solids(square_room(3.0))
     places = np.random.default_rng(3).uniform(-2.5, 2.5, (200, 2))
     assert clearance(solid, places) == pytest.approx(3.0 - np.abs(places).max(axis=1), abs=0.02)
 
 
-def test_the_raster_tells_the_same_and_what_is_hidden():
+def test_the_raster_tells_the_same_and_what_is_hidden() -> None:
     room = square_room(3.0)
     bins = raster(room)
     places = np.random.default_rng(4).uniform(-2.5, 2.5, (200, 2))
@@ -164,9 +174,8 @@ def test_the_raster_tells_the_same_and_what_is_hidden():
     assert (bins[cells_of(np.array([[5.0, 0.0], [0.0, -4.0]]))] >= UNSEEN).all()
 
 
-def test_commands_are_worth_what_the_floor_allows(maze_map):
-    memory = load_map(maze_map)[0].memories["foresight"]
-    assert isinstance(memory, ForesightMemory)
+def test_commands_are_worth_what_the_floor_allows(maze_map: Path) -> None:
+    memory = foresight_of(maze_map)
     # a wall 3 heights ahead, and one all along the left side
     ahead, aside = np.cos(azimuths(120)) / 3.0, np.sin(azimuths(120))
     to_the_left = np.maximum(np.maximum(ahead, aside), 1 / 25)
@@ -187,8 +196,8 @@ def test_commands_are_worth_what_the_floor_allows(maze_map):
     assert mirrored[left] == max(mirrored)
 
 
-def test_motions_and_collisions_are_learned_from_what_is_seen(maze_map):
-    skill = load_map(maze_map)[0].memories["foresight"].skill
+def test_motions_and_collisions_are_learned_from_what_is_seen(maze_map: Path) -> None:
+    skill = not_none(foresight_of(maze_map).skill)
     metres = skill.motions * (HEIGHT, HEIGHT, 1.0)
     # wheels differ by a per cent or two, and the robot drifts
     assert np.abs(metres - ARCS)[:, :2].max() < 0.002
@@ -199,22 +208,22 @@ def test_motions_and_collisions_are_learned_from_what_is_seen(maze_map):
     assert skill.collision == 0.0
 
 
-def test_it_drives_through_the_maze_after_a_short_training(maze_map):
+def test_it_drives_through_the_maze_after_a_short_training(maze_map: Path) -> None:
     brain, _ = load_map(maze_map)
     with open_hardware(MAZE) as hardware:
         agent = Agent(brain, Driver(hardware.robot), hardware.camera)
         steps = list(drive(agent, Foresight(), np.random.default_rng(1)))
-        assert not hardware.bench.truth().touched
+        assert not not_none(hardware.bench).truth().touched
     assert len(steps) == 40
     assert not steps[-1].outcome.collided
 
 
-def test_the_same_seed_learns_the_same_bytes(maze_map, tmp_path):
+def test_the_same_seed_learns_the_same_bytes(maze_map: Path, tmp_path: Path) -> None:
     again = train_shortly(tmp_path / "maze.npz", MAZE, random=500)
     assert again.read_bytes() == maze_map.read_bytes()
 
 
-def test_a_memory_forgets_what_is_long_ago():
+def test_a_memory_forgets_what_is_long_ago() -> None:
     rng = np.random.default_rng(5)
     memory = ForesightMemory(24, frames=250)
     seen = [
@@ -225,7 +234,7 @@ def test_a_memory_forgets_what_is_long_ago():
         memory.learn(Experience(before, number % 3, after, 0.5, False))
     state = memory.state()
     assert state["profiles"].shape == (250, 24)
-    assert (state["profiles"][-1] == seen[-1].floor.astype(np.float16)).all()
+    assert (state["profiles"][-1] == not_none(seen[-1].floor).astype(np.float16)).all()
     assert state["learned"] == [301]
 
 
@@ -242,9 +251,11 @@ def test_a_memory_forgets_what_is_long_ago():
         ("curve", np.zeros(3)),
     ],
 )
-def test_a_state_that_cannot_have_been_learned_is_refused(name, value, maze_map):
-    skill = load_map(maze_map)[0].memories["foresight"].skill
-    state = {
+def test_a_state_that_cannot_have_been_learned_is_refused(
+    name: str, value: np.ndarray, maze_map: Path
+) -> None:
+    skill = not_none(foresight_of(maze_map).skill)
+    state: dict[str, Any] = {
         "profiles": np.ones((1, 24), np.float16),
         "commands": np.array([-1], np.int8),
         "collided": np.array([0], np.int8),
@@ -256,7 +267,7 @@ def test_a_state_that_cannot_have_been_learned_is_refused(name, value, maze_map)
         ForesightMemory(24).load(state | {name: value})
 
 
-def test_without_a_floor_it_knows_no_command(maze_map):
-    memory = load_map(maze_map)[0].memories["foresight"]
+def test_without_a_floor_it_knows_no_command(maze_map: Path) -> None:
+    memory = foresight_of(maze_map)
     assert Foresight().plan(memory, moment()).command is None
     assert Foresight().plan(ForesightMemory(0), moment()).command is None

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import serial
+from as_type import not_none
 from emulator_process import COMMAND, PATIENCE
 
 from khepera_emulator.errors import EmulatorError
@@ -39,7 +40,7 @@ for room in map(int, sys.argv[3:]):
 """
 
 
-def test_a_recorder_names_the_error_at_every_size_of_the_disk(tmp_path):
+def test_a_recorder_names_the_error_at_every_size_of_the_disk(tmp_path: Path) -> None:
     path = tmp_path / "x.mcap"
     sizes = [0, 1, 7, 8, 9, 50, 100, *range(300, 6000, 331), *range(6000, 30_000, 3331)]
     done = subprocess.run(
@@ -56,7 +57,7 @@ def test_a_recorder_names_the_error_at_every_size_of_the_disk(tmp_path):
     assert said.count("there was room") < len(sizes)
 
 
-def test_a_recorder_without_any_room_says_so_at_once():
+def test_a_recorder_without_any_room_says_so_at_once() -> None:
     full = Path("/dev/full")
     with (
         pytest.raises(RecordingError, match="cannot record to /dev/full: No space left"),
@@ -65,12 +66,12 @@ def test_a_recorder_without_any_room_says_so_at_once():
         pass
 
 
-def test_a_wire_log_without_any_room_says_so_at_once():
+def test_a_wire_log_without_any_room_says_so_at_once() -> None:
     with pytest.raises(EmulatorError, match="cannot record to /dev/full: No space left"):
         WireLog(Path("/dev/full"), "khepera://corridor")
 
 
-def test_a_wire_log_that_is_being_written_is_left_alone(tmp_path):
+def test_a_wire_log_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
     with WireLog(tmp_path / "log", "khepera://corridor") as log:
         log.request(0.5, b"B\n")
         with pytest.raises(EmulatorError, match="another emulator does"):
@@ -81,10 +82,10 @@ def test_a_wire_log_that_is_being_written_is_left_alone(tmp_path):
     assert read_log(tmp_path / "log").entries == ()
 
 
-def test_a_robot_outlives_the_room_for_its_wire_log(tmp_path):
+def test_a_robot_outlives_the_room_for_its_wire_log(tmp_path: Path) -> None:
     log = tmp_path / "log"
 
-    def little_room():
+    def little_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
 
     command = [*COMMAND, "--no-zenoh", "--record", str(log), "--baud", "unpaced"]
@@ -95,7 +96,7 @@ def test_a_robot_outlives_the_room_for_its_wire_log(tmp_path):
         text=True,
         preexec_fn=little_room,
     ) as running:
-        path = running.stdout.readline().rstrip("\n").partition(" on ")[2]
+        path = not_none(running.stdout).readline().rstrip("\n").partition(" on ")[2]
         with serial.Serial(path, timeout=PATIENCE) as port:
             for _ in range(50):
                 port.write(b"B\n")

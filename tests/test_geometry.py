@@ -1,6 +1,8 @@
 """The plan of an arena against PyBullet: rays and distances at random places."""
 
+from collections.abc import Iterator
 from math import cos, inf, pi, sin
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -13,7 +15,7 @@ from khepera_emulator.world.world import SOLID_GROUP, World
 HEIGHT = 0.02
 
 
-def arena(**parts) -> Arena:
+def arena(**parts: Any) -> Arena:
     return Arena.model_validate(
         {
             "version": 1,
@@ -26,7 +28,7 @@ def arena(**parts) -> Arena:
 
 
 @pytest.fixture(scope="module")
-def world():
+def world() -> Iterator[World]:
     made = World(
         arena(
             wall=[
@@ -43,7 +45,7 @@ def world():
     made.close()
 
 
-def test_rays_equal_those_of_pybullet(world):
+def test_rays_equal_those_of_pybullet(world: World) -> None:
     rng = np.random.default_rng(0)
     places = rng.uniform(-0.7, 0.7, (4000, 2))
     # PyBullet's rays pass through the solid that they begin in
@@ -62,7 +64,7 @@ def test_rays_equal_those_of_pybullet(world):
     assert np.median(np.abs(measured - expected)) < 1e-5
 
 
-def test_clearance_equals_the_distance_in_pybullet(world):
+def test_clearance_equals_the_distance_in_pybullet(world: World) -> None:
     probe_radius = 0.001
     shape = pybullet.createCollisionShape(
         pybullet.GEOM_SPHERE, radius=probe_radius, physicsClientId=world.client
@@ -91,12 +93,12 @@ def test_clearance_equals_the_distance_in_pybullet(world):
     assert compared > 200
 
 
-def test_a_point_inside_a_solid_has_no_clearance(world):
+def test_a_point_inside_a_solid_has_no_clearance(world: World) -> None:
     assert world.plan.clearance(-0.2, 0.1) < 0
     assert world.plan.clearance(0.2, 0.1) == pytest.approx(-0.05)
 
 
-def test_grey_of_what_was_hit(world):
+def test_grey_of_what_was_hit(world: World) -> None:
     at = np.array([[-0.2, 0.25], [0.3, 0.1], [0.0, 0.45]])
     to = np.array([[cos(-pi / 2), sin(-pi / 2)], [-1.0, 0.0], [0.0, -1.0]])
     _, grey = world.plan.cast(at, to)
@@ -104,21 +106,21 @@ def test_grey_of_what_was_hit(world):
 
 
 @pytest.mark.parametrize("angle", [0.0, pi / 2, pi, -pi / 2])
-def test_rays_along_the_axes(angle):
+def test_rays_along_the_axes(angle: float) -> None:
     square = [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]]
     plan = FloorPlan(arena(wall=[{"points": square}]))
     distances, _ = plan.cast(np.zeros((1, 2)), np.array([[round(cos(angle)), round(sin(angle))]]))
     assert distances[0] == pytest.approx(0.195)
 
 
-def test_a_ray_beside_a_wall_and_along_it_misses():
+def test_a_ray_beside_a_wall_and_along_it_misses() -> None:
     plan = FloorPlan(arena(wall=[{"points": [[0.1, 0.0], [0.3, 0.0]]}]))
     distances, _ = plan.cast(np.array([[0.0, 0.0051], [0.0, 0.0]]), np.array([[1.0, 0.0]] * 2))
     assert distances[0] == inf
     assert distances[1] == pytest.approx(0.095)
 
 
-def test_an_empty_arena_is_all_free():
+def test_an_empty_arena_is_all_free() -> None:
     plan = FloorPlan(arena())
     distances, grey = plan.cast(np.zeros((2, 2)), np.array([[1.0, 0.0], [0.0, 1.0]]))
     assert distances.tolist() == [inf, inf]

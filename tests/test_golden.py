@@ -30,7 +30,7 @@ def said(model: str) -> list[Exchange]:
 
 
 @pytest.mark.parametrize("model", MODELS.names())
-def test_every_letter_occurs_with_its_own_reply(model):
+def test_every_letter_occurs_with_its_own_reply(model: str) -> None:
     answered = {
         pair.request[:1].decode("latin-1")
         for pair in said(model)
@@ -40,7 +40,7 @@ def test_every_letter_occurs_with_its_own_reply(model):
 
 
 @pytest.mark.parametrize("model", MODELS.names())
-def test_every_tool_occurs(model):
+def test_every_tool_occurs(model: str) -> None:
     found = [COMMAND_NOT_FOUND]
     known = {
         pair.request.split()[0].decode("latin-1")
@@ -52,13 +52,13 @@ def test_every_tool_occurs(model):
 
 
 @pytest.mark.parametrize("model", MODELS.names())
-def test_every_error_occurs(model):
+def test_every_error_occurs(model: str) -> None:
     replies = {line for pair in said(model) for line in pair.reply}
     assert {COMMAND_NOT_FOUND, PROTOCOL_ERROR, TURRET_NOT_SUPPORTED} <= replies
 
 
 @pytest.mark.parametrize("model", MODELS.names())
-def test_every_turret_message_occurs_with_its_own_reply(model):
+def test_every_turret_message_occurs_with_its_own_reply(model: str) -> None:
     answered = set()
     for pair in said(model):
         head = pair.request.decode("latin-1").split(",")[:3]
@@ -73,7 +73,7 @@ def test_every_turret_message_occurs_with_its_own_reply(model):
 
 @pytest.mark.parametrize("model", MODELS.names())
 @pytest.mark.parametrize("name", TURRETS)
-def test_every_turret_is_listed_by_net(model, name):
+def test_every_turret_is_listed_by_net(model: str, name: str) -> None:
     assert any(
         pair.request == b"net" and TURRETS[name].title in line
         for pair in said(model)
@@ -82,12 +82,12 @@ def test_every_turret_is_listed_by_net(model, name):
 
 
 @pytest.mark.parametrize("model", MODELS.names())
-def test_every_switch_is_turned(model):
+def test_every_switch_is_turned(model: str) -> None:
     urls = [url_of(path.read_text()) for path in FILES if f"{model}-choices" in path.stem]
     assert all(f"firmware={name}" in urls[0] for name in option_names())
 
 
-def test_both_robots_have_the_same_conversations():
+def test_both_robots_have_the_same_conversations() -> None:
     topics = {
         model: {path.stem.partition("-")[2] for path in FILES if path.stem.split("-")[0] == model}
         for model in MODELS.names()

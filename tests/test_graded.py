@@ -5,30 +5,32 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from as_type import as_type
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from planning import moment
 
 from macor_hil.commands import COMMANDS, LEFT, RIGHT, STRAIGHT
+from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
-from macor_hil.mind.experience import Experience
+from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.memories.graded import GradedMap, GradedMemory
 from macor_hil.mind.memories.prototypes import Prototypes, memberships, placed
 from macor_hil.mind.planners.graded import Graded
 from macor_hil.mind.settings import MindSettings
 
 
-def at(*shares):
+def at(*shares: float) -> np.ndarray:
     return np.array(shares, dtype=float)
 
 
-def now(*shares):
+def now(*shares: float) -> Moment:
     return moment(features=at(*shares))
 
 
-def memory_of(graded):
+def memory_of(graded: GradedMap) -> GradedMemory:
     """A memory of counts whose inputs are memberships already."""
     memory = GradedMemory(graded.nodes, graded.commands, graded.nodes, lambda x: x)
     memory.situations, memory.counts = SimpleNamespace(memberships=lambda x: x), graded
@@ -36,7 +38,7 @@ def memory_of(graded):
 
 
 @given(arrays(float, st.integers(1, 8), elements=st.floats(0, 20)))
-def test_memberships_sum_to_one_and_fall_with_distance(distances):
+def test_memberships_sum_to_one_and_fall_with_distance(distances: np.ndarray) -> None:
     shares = memberships(distances)
     assert shares.shape == distances.shape
     assert shares.sum() == pytest.approx(1.0)
@@ -44,12 +46,12 @@ def test_memberships_sum_to_one_and_fall_with_distance(distances):
     assert (np.diff(shares[order]) <= 1e-12).all()
 
 
-def test_a_membership_falls_to_one_in_e_at_the_width():
+def test_a_membership_falls_to_one_in_e_at_the_width() -> None:
     shares = memberships(np.array([0.0, 0.3]), width=0.3)
     assert shares[1] / shares[0] == pytest.approx(np.exp(-1))
 
 
-def test_distances_are_how_far_an_input_lies_outside_each_box():
+def test_distances_are_how_far_an_input_lies_outside_each_box() -> None:
     art = FuzzyArt(2, 3, vigilance=0.8)
     art.load({"weights": np.array([[0.2, 0.2, 0.6, 0.7], [0.9, 0.9, 0.1, 0.1]])})
     # the first box goes from (0.2, 0.2) to (0.4, 0.3)
@@ -57,14 +59,14 @@ def test_distances_are_how_far_an_input_lies_outside_each_box():
     assert art.distances(np.array([0.5, 0.1])) == pytest.approx([0.1 + 0.1, 1.2])
 
 
-def test_an_input_belongs_to_the_prototypes_around_it():
+def test_an_input_belongs_to_the_prototypes_around_it() -> None:
     prototypes = Prototypes(np.array([[0.0, 0.0], [1.0, 0.0]]), width=0.5)
     assert prototypes.memberships(np.array([0.5, 0.3])) == pytest.approx([0.5, 0.5])
     near, far = prototypes.memberships(np.array([0.2, 0.0]))
     assert far / near == pytest.approx(np.exp((0.2 - 0.8) / 0.5))
 
 
-def test_prototypes_are_spread_over_all_that_was_seen():
+def test_prototypes_are_spread_over_all_that_was_seen() -> None:
     rng = np.random.default_rng(5)
     groups = rng.uniform(size=(4, 6))
     # most inputs look alike; the others get prototypes all the same
@@ -75,39 +77,41 @@ def test_prototypes_are_spread_over_all_that_was_seen():
     assert np.abs(found - groups[nearest]).max() < 0.01
 
 
-def test_the_same_seed_places_the_same_prototypes():
+def test_the_same_seed_places_the_same_prototypes() -> None:
     inputs = np.random.default_rng(1).uniform(size=(300, 8))
     first, again, other = (placed(inputs, 20, np.random.default_rng(s)).centres for s in (7, 7, 8))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
 
 
-def test_few_inputs_make_equal_prototypes():
+def test_few_inputs_make_equal_prototypes() -> None:
     inputs = np.array([[0.1, 0.9], [0.8, 0.2]])
     prototypes = placed(inputs, 5, np.random.default_rng(1))
     assert prototypes.centres.shape == (5, 2)
     assert {tuple(row.round(5)) for row in prototypes.centres} == {(0.1, 0.9), (0.8, 0.2)}
 
 
-def test_what_a_brain_experiences_it_knows_for_the_mirror_image_too():
+def test_what_a_brain_experiences_it_knows_for_the_mirror_image_too() -> None:
     rng = np.random.default_rng(2)
     brain = build_brain(MindSettings(nodes=6))
     seen = rng.uniform(size=(40, brain.eyes.size))
     brain.tune(seen, rng)
     left, right = COMMANDS.index(LEFT), COMMANDS.index(RIGHT)
 
-    def live(brain, frames, without, into):
+    def live(brain: Brain, frames: np.ndarray, without: int, into: int) -> GradedMap:
         for raw, then in pairwise(frames):
             for command, collided in ((without, False), (into, True)):
                 before = brain.perceive(raw, command, learn=True)
                 after = brain.perceive(then, command, learn=True)
                 r = brain.earned(command, collided=collided)
                 brain.learn(Experience(before, command, after, r, collided))
-        return brain.memories["graded"].counts
+        return as_type(GradedMemory, brain.memories["graded"]).counts
 
     turned = build_brain(MindSettings(nodes=6))
     turned.eyes.load(brain.eyes.state())
-    turned.memories["graded"].situations = brain.memories["graded"].situations
+    as_type(GradedMemory, turned.memories["graded"]).situations = as_type(
+        GradedMemory, brain.memories["graded"]
+    ).situations
     graded = live(brain, seen, left, right)
     mirrored = live(turned, brain.eyes.mirrored(seen), right, left)
     np.testing.assert_allclose(mirrored.led_to, graded.led_to)
@@ -118,7 +122,7 @@ def test_what_a_brain_experiences_it_knows_for_the_mirror_image_too():
     assert not graded.led_to[:, COMMANDS.index(STRAIGHT)].any()
 
 
-def test_an_experience_is_shared_out_among_the_situations():
+def test_an_experience_is_shared_out_among_the_situations() -> None:
     graded = GradedMap(3, 2)
     graded.count(at(0.75, 0.25, 0), 1, at(0, 0.5, 0.5), 0.6)
     assert graded.tried[:, 1] == pytest.approx([0.75, 0.25, 0])
@@ -129,7 +133,7 @@ def test_an_experience_is_shared_out_among_the_situations():
     assert reward[:2, 1] == pytest.approx([0.6, 0.6])
 
 
-def test_nothing_follows_a_collision_and_doubt_lowers_what_was_tried_once():
+def test_nothing_follows_a_collision_and_doubt_lowers_what_was_tried_once() -> None:
     graded = GradedMap(2, 1)
     graded.count(at(1, 0), 0, None, 0.0)
     graded.count(at(0, 1), 0, at(0, 1), 0.5)
@@ -139,7 +143,7 @@ def test_nothing_follows_a_collision_and_doubt_lowers_what_was_tried_once():
     assert reward[1, 0] == pytest.approx(0.25)
 
 
-def test_values_solve_bellmans_equation():
+def test_values_solve_bellmans_equation() -> None:
     rng = np.random.default_rng(3)
     graded = GradedMap(5, 2)
     for _ in range(400):
@@ -151,7 +155,7 @@ def test_values_solve_bellmans_equation():
     np.testing.assert_allclose(q, reward + 0.8 * chance @ q.max(axis=1), atol=1e-9)
 
 
-def test_it_decides_by_all_situations_that_it_is_in():
+def test_it_decides_by_all_situations_that_it_is_in() -> None:
     graded = GradedMap(3, 2)
     for _ in range(50):
         graded.count(at(1, 0, 0), 0, at(1, 0, 0), 0.6)
@@ -164,7 +168,7 @@ def test_it_decides_by_all_situations_that_it_is_in():
     assert planner.plan(memory_of(graded), now(0.7, 0.3, 0)).command == 1
 
 
-def test_hypotheses_lead_along_the_strongest_situations():
+def test_hypotheses_lead_along_the_strongest_situations() -> None:
     graded = GradedMap(3, 2)
     for _ in range(200):
         graded.count(at(1, 0, 0), 1, at(0, 1, 0), 0.5)
@@ -176,14 +180,14 @@ def test_hypotheses_lead_along_the_strongest_situations():
     assert plan.hypotheses[0].evaluation == plan.evaluations[1]
 
 
-def test_nothing_tried_means_no_plan():
+def test_nothing_tried_means_no_plan() -> None:
     plan = Graded().plan(memory_of(GradedMap(3, 2)), now(1, 0, 0))
     assert plan.evaluations == (None, None)
     assert plan.command is None
     assert plan.sequence == ()
 
 
-def test_stored_counts_must_fit():
+def test_stored_counts_must_fit() -> None:
     graded = GradedMap(3, 2)
     with pytest.raises(ValueError, match="tried"):
         graded.load(

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import inf, radians
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.models import KHEPERA, KHEPERA2, Model
 from khepera_emulator.senses.infrared import Infrared
 from khepera_emulator.world.floor_plan import FloorPlan, Surroundings
-from khepera_emulator.world.solids import Brick, Disc
+from khepera_emulator.world.solids import Brick, Disc, Footprint
 
 # S. Nolfi's samples of a first Khepera: gap in mm, mean of the eight sensors at their lobes
 NOLFI = {
@@ -33,7 +34,7 @@ FALL_OFF = {
 }  # fmt: skip
 
 
-def ring(model: Model, seed: int = 0, **parts) -> Infrared:
+def ring(model: Model, seed: int = 0, **parts: Any) -> Infrared:
     arena = Arena.model_validate(
         {
             "version": 1,
@@ -51,7 +52,7 @@ def before_wall(model: Model, gap: float, off: float = 0.0, noise: bool = False)
     wall = {"points": [[1.005, -5.0], [1.005, 5.0]]}
     infrared = ring(model, wall=[wall])
     x = 1.0 - gap - model.radius
-    readings = []
+    readings: list[float] = []
     for sensor, direction in enumerate(model.sensor_directions):
         place = (x, 0.0, radians(off) - direction)
         if noise:
@@ -63,20 +64,20 @@ def before_wall(model: Model, gap: float, off: float = 0.0, noise: bool = False)
 
 
 @pytest.mark.parametrize(("gap", "counts"), NOLFI.items())
-def test_khepera_before_a_wall_reads_as_recorded(gap, counts):
+def test_khepera_before_a_wall_reads_as_recorded(gap: int, counts: int) -> None:
     # what a robot reads that sees nothing is noise, not the curve
     assert np.mean(before_wall(KHEPERA, gap / 1000)) == pytest.approx(counts, abs=2.5)
 
 
 @pytest.mark.parametrize(("gap", "counts"), KHEPERA2_MEAN.items())
-def test_khepera2_before_a_wall_reads_as_recorded(gap, counts):
+def test_khepera2_before_a_wall_reads_as_recorded(gap: int, counts: int) -> None:
     assert np.mean(before_wall(KHEPERA2, gap / 1000)) == pytest.approx(counts, abs=1)
 
 
 @pytest.mark.parametrize(
     ("model", "gap"), [(KHEPERA, 0.017), (KHEPERA, 0.025), (KHEPERA2, 0.01), (KHEPERA2, 0.03)]
 )
-def test_each_sensor_has_its_own_curve(model, gap):
+def test_each_sensor_has_its_own_curve(model: Model, gap: float) -> None:
     row = model.proximity.gaps.index(gap)
     recorded = [counts[row] for counts in model.proximity.counts]
     # also of the sensors that look up to 14 degrees aside of where they sit
@@ -84,30 +85,30 @@ def test_each_sensor_has_its_own_curve(model, gap):
 
 
 @pytest.mark.parametrize(("place", "counts"), FALL_OFF.items())
-def test_reading_falls_off_with_the_angle_as_recorded(place, counts):
+def test_reading_falls_off_with_the_angle_as_recorded(place: tuple[int, int], counts: int) -> None:
     gap, off = place
     both = [*before_wall(KHEPERA, gap / 1000, off), *before_wall(KHEPERA, gap / 1000, -off)]
     assert np.mean(both) == pytest.approx(counts, abs=55)
 
 
-def test_reading_never_rises_with_the_angle():
+def test_reading_never_rises_with_the_angle() -> None:
     means = [np.mean(before_wall(KHEPERA, 0.020, off)) for off in range(0, 66, 6)]
     assert all(np.diff(means) <= 1.0)
     assert means[-1] < 60
 
 
-def test_close_to_a_wall_the_reading_is_steady_at_full_scale():
+def test_close_to_a_wall_the_reading_is_steady_at_full_scale() -> None:
     assert set(before_wall(KHEPERA, 0.005, noise=True)) == {1023}
     assert set(before_wall(KHEPERA2, 0.002, noise=True)) == {1020}
 
 
-def test_khepera2_counts_in_fours():
+def test_khepera2_counts_in_fours() -> None:
     readings = [before_wall(KHEPERA2, gap / 1000, noise=True) for gap in range(5, 120, 5)]
     assert {value % 4 for row in readings for value in row} == {0}
     assert max(map(max, readings)) == 1020
 
 
-def test_without_an_object_a_khepera_reads_near_nothing():
+def test_without_an_object_a_khepera_reads_near_nothing() -> None:
     infrared = ring(KHEPERA)
     readings = np.array([infrared.proximity(0.0, 0.0, 0.0) for _ in range(500)])
     assert infrared.gaps(0.0, 0.0, 0.0) == (inf,) * 8
@@ -117,14 +118,14 @@ def test_without_an_object_a_khepera_reads_near_nothing():
     assert np.mean(readings == 0) == pytest.approx(0.5, abs=0.1)
 
 
-def test_without_an_object_a_khepera2_reads_its_residual():
+def test_without_an_object_a_khepera2_reads_its_residual() -> None:
     infrared = ring(KHEPERA2)
     readings = np.array([infrared.proximity(0.0, 0.0, 0.0) for _ in range(500)])
     residual = np.array(KHEPERA2.proximity.residual)
     assert readings.mean(axis=0) == pytest.approx(residual - 1.5, abs=3)
 
 
-def test_noise_grows_with_the_reading_and_is_seeded():
+def test_noise_grows_with_the_reading_and_is_seeded() -> None:
     wall = [{"points": [[1.005, -5.0], [1.005, 5.0]]}]
     place = (1.0 - 0.021 - KHEPERA.radius, 0.0, 0.0)
     first, same, other = (ring(KHEPERA, seed, wall=wall) for seed in (1, 1, 2))
@@ -135,7 +136,9 @@ def test_noise_grows_with_the_reading_and_is_seeded():
     assert np.std([row[2] for row in readings]) == pytest.approx(12 + 0.02 * level, rel=0.15)
 
 
-def gaps_in_arrays(model: Model, scene: Surroundings, x: float, y: float, heading: float):
+def gaps_in_arrays(
+    model: Model, scene: Surroundings, x: float, y: float, heading: float
+) -> np.ndarray:
     """Effective gaps by all forty rays of the scene, as the module's text has them."""
     fan = np.array([-30.0, -15.0, 0.0, 15.0, 30.0])
     angles = heading + np.array(model.sensor_directions)[:, None] + np.radians(fan)
@@ -147,11 +150,13 @@ def gaps_in_arrays(model: Model, scene: Surroundings, x: float, y: float, headin
     dim = 0.5 * (1.0 - grey) * np.maximum(reach - distances, 0.0)
     gaps = (distances + dim).reshape(8, 5) + 7.2e-6 * fan**2
     aside = np.array(model.sensor_directions) - np.array(model.sensor_bearings)
-    return gaps.min(axis=1) - model.radius * (1.0 - np.cos(aside))
+    nearest = gaps.min(axis=1)
+    found: np.ndarray = nearest - model.radius * (1.0 - np.cos(aside))
+    return found
 
 
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2])
-def test_gaps_are_those_of_all_rays(model):
+def test_gaps_are_those_of_all_rays(model: Model) -> None:
     """A few rays in plain numbers see what forty in arrays see, black before white as well."""
     plan = FloorPlan(
         arena(
@@ -162,7 +167,10 @@ def test_gaps_are_those_of_all_rays(model):
             cylinder=[{"centre": [0.0, -0.1], "radius": 0.01, "colour": [0.2, 0.2, 0.2]}],
         )
     )
-    movers = [Disc(0.0, 0.0, 0.02, 0.4), Brick(-0.1, -0.05, 0.3, (0.05, 0.02), 1.0)]
+    movers: list[Footprint] = [
+        Disc(0.0, 0.0, 0.02, 0.4),
+        Brick(-0.1, -0.05, 0.3, (0.05, 0.02), 1.0),
+    ]
     scene = Surroundings(plan, movers)
     infrared = Infrared(model, scene, (), np.random.default_rng(0))
     reach = model.proximity.gaps[-1]
@@ -180,7 +188,7 @@ def test_gaps_are_those_of_all_rays(model):
     assert seen > 400
 
 
-def test_black_is_seen_from_half_as_far():
+def test_black_is_seen_from_half_as_far() -> None:
     def front(colour: tuple[float, float, float]) -> float:
         infrared = ring(KHEPERA, wall=[{"points": [[0.1, -1], [0.1, 1]], "colour": colour}])
         return infrared.gaps(0.05, 0.0, 0.0)[2]
@@ -189,7 +197,7 @@ def test_black_is_seen_from_half_as_far():
     assert black - white == pytest.approx(0.5 * (0.043 - white), rel=0.05)
 
 
-def test_a_wall_on_the_left_is_read_by_the_left_sensors():
+def test_a_wall_on_the_left_is_read_by_the_left_sensors() -> None:
     # beside the wall, facing along it
     infrared = ring(KHEPERA, wall=[{"points": [[-1.0, 0.05], [1.0, 0.05]]}])
     readings = infrared.proximity(0.0, 0.05 - 0.005 - 0.02 - KHEPERA.radius, 0.0)
@@ -197,14 +205,14 @@ def test_a_wall_on_the_left_is_read_by_the_left_sensors():
     assert max(readings[3:7]) <= 60
 
 
-def test_darkness_reads_the_dark_level():
+def test_darkness_reads_the_dark_level() -> None:
     readings = np.array([ring(KHEPERA).ambient(0.0, 0.0, 0.0) for _ in range(50)])
     assert readings.mean() == pytest.approx(490, abs=5)
     assert np.abs(readings - 490).max() <= 11
 
 
 @pytest.mark.parametrize(("distance", "counts"), [(0.1, 100), (0.2, 250), (0.4, 375), (0.75, 425)])
-def test_lamp_before_a_sensor_reads_as_in_the_manual(distance, counts):
+def test_lamp_before_a_sensor_reads_as_in_the_manual(distance: float, counts: int) -> None:
     # straight before sensor 2, measured from the sensor
     model = replace(KHEPERA, sensor_directions=(0.0,) * 8, sensor_bearings=(0.0,) * 8)
     infrared = ring(model, lamp=[{"centre": [model.radius + distance, 0.0]}])
@@ -212,7 +220,7 @@ def test_lamp_before_a_sensor_reads_as_in_the_manual(distance, counts):
     assert readings[2] == pytest.approx(counts, abs=5)
 
 
-def test_a_lamp_is_seen_on_its_side_only_and_not_through_walls():
+def test_a_lamp_is_seen_on_its_side_only_and_not_through_walls() -> None:
     lamp = [{"centre": [0.15, 0.0]}]
     free = ring(KHEPERA, lamp=lamp).ambient(0.0, 0.0, 0.0)
     assert max(free[2:4]) < 300
@@ -221,7 +229,7 @@ def test_a_lamp_is_seen_on_its_side_only_and_not_through_walls():
     assert min(ring(KHEPERA, lamp=lamp, wall=wall).ambient(0.0, 0.0, 0.0)) > 470
 
 
-def test_a_stronger_lamp_is_brighter():
+def test_a_stronger_lamp_is_brighter() -> None:
     weak, strong = (
         ring(KHEPERA, lamp=[{"centre": [0.3, 0.0], "power": power}]).ambient(0.0, 0.0, 0.0)[2]
         for power in (1.0, 4.0)

@@ -3,34 +3,39 @@
 import hashlib
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import serial
+from in_process import open_robot
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 import khepera_emulator  # noqa: F401 - registers the URL scheme
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.ports.protocol_khepera import Serial
 
 BYTE = 11 / 9600
 
 
-def open_port(url: str = "khepera://corridor?seed=1", **options) -> serial.SerialBase:
-    return serial.serial_for_url(url, **{"timeout": 1.0, **options})
+def open_port(url: str = "khepera://corridor?seed=1", **options: Any) -> Serial:
+    return open_robot(url, **{"timeout": 1.0, **options})
 
 
 @pytest.fixture
-def port():
+def port() -> Iterator[Serial]:
     with open_port() as opened:
         yield opened
 
 
-def ask(port, line: bytes) -> bytes:
+def ask(port: Serial, line: bytes) -> bytes:
     port.write(line + b"\n")
     return port.readline()
 
 
-def session(port, reset: Reset | None = None) -> list[object]:
+def session(port: Serial, reset: Reset | None = None) -> list[object]:
     """Observations of a program: bytes, times, pictures and poses, from the first reset on."""
     emulator = port.emulator
     if reset is not None:
@@ -52,24 +57,24 @@ def session(port, reset: Reset | None = None) -> list[object]:
     return seen
 
 
-def test_one_exchange(port):
+def test_one_exchange(port: Serial) -> None:
     assert ask(port, b"B") == b"b,5.01,5.00\r\n"
     # two bytes there, 13 back, and the interpreter in between
     assert port.now == pytest.approx(15 * BYTE + 0.0015, abs=1e-7)
 
 
-def test_nothing_is_said_unasked(port):
+def test_nothing_is_said_unasked(port: Serial) -> None:
     assert port.read(10) == b""
     assert port.now == pytest.approx(1.0)
 
 
-def test_the_rate_is_the_clients(port):
+def test_the_rate_is_the_clients(port: Serial) -> None:
     port.baudrate = 38400
     ask(port, b"B")
     assert port.now == pytest.approx(15 * 11 / 38400 + 0.0015, abs=1e-7)
 
 
-def test_a_fixed_rate_is_the_robots():
+def test_a_fixed_rate_is_the_robots() -> None:
     with open_port("khepera://corridor?baud=19200", baudrate=19200) as port:
         ask(port, b"B")
         assert port.now == pytest.approx(15 * 11 / 19200 + 0.0015, abs=1e-7)
@@ -88,7 +93,7 @@ def test_a_fixed_rate_is_the_robots():
         assert ask(port, b"B") != b"b,5.01,5.00\r\n"
 
 
-def test_faults_are_taken_from_the_url():
+def test_faults_are_taken_from_the_url() -> None:
     url = "khepera://corridor?fault=drop:p=1,n=1,dir=reply&fault=stray:at=2,text=tick%0A&seed=3"
     with open_port(url) as port:
         assert ask(port, b"B") == b",5.01,5.00\r\n"
@@ -100,7 +105,7 @@ def test_faults_are_taken_from_the_url():
             port.readline()
 
 
-def test_a_robot_with_a_dead_man_stop_rolls_no_further():
+def test_a_robot_with_a_dead_man_stop_rolls_no_further() -> None:
     with open_port("khepera://corridor?dead-man=0.5") as port:
         ask(port, b"D,5,5")
         port.timeout = 2.0
@@ -108,7 +113,7 @@ def test_a_robot_with_a_dead_man_stop_rolls_no_further():
         assert ask(port, b"H") == ask(port, b"H")
 
 
-def test_a_robot_that_resets_forgets_and_says_its_banner():
+def test_a_robot_that_resets_forgets_and_says_its_banner() -> None:
     with open_port("khepera://corridor?fault=reset:at=1.5") as port:
         assert ask(port, b"D,5,5") == b"d\r\n"
         assert ask(port, b"G,100,100") == b"g\r\n"
@@ -118,7 +123,7 @@ def test_a_robot_that_resets_forgets_and_says_its_banner():
         assert ask(port, b"H") == b"h,0,0\r\n"
 
 
-def test_faults_are_the_same_for_the_same_seed():
+def test_faults_are_the_same_for_the_same_seed() -> None:
     def replies(seed: int) -> list[bytes]:
         with open_port(
             f"khepera://corridor?seed={seed}&fault=flip:p=0.02&fault=drop:p=0.02"
@@ -130,7 +135,7 @@ def test_faults_are_the_same_for_the_same_seed():
     assert replies(1) != replies(2)
 
 
-def test_a_seeded_reset_begins_faults_anew():
+def test_a_seeded_reset_begins_faults_anew() -> None:
     with open_port("khepera://corridor?fault=drop:p=0.05&fault=stray:at=0.1,text=tick%0A") as port:
         port.timeout = 0.1
         seen = []
@@ -141,14 +146,14 @@ def test_a_seeded_reset_begins_faults_anew():
         assert b"tick\n" in seen[0]
 
 
-def test_bytes_take_no_time_on_an_unpaced_line_and_writes_a_millisecond():
+def test_bytes_take_no_time_on_an_unpaced_line_and_writes_a_millisecond() -> None:
     with open_port("khepera://corridor?baud=unpaced") as port:
         for _ in range(100):
             assert ask(port, b"B") == b"b,5.01,5.00\r\n"
         assert port.now == pytest.approx(0.1, abs=1e-6)
 
 
-def test_a_program_that_asks_until_it_is_there_gets_there_on_an_unpaced_line():
+def test_a_program_that_asks_until_it_is_there_gets_there_on_an_unpaced_line() -> None:
     with open_port("khepera://open-box?baud=unpaced&drift=none") as port:
         assert ask(port, b"C,500,500") == b"c\r\n"
         while not ask(port, b"K").startswith(b"k,1,"):
@@ -165,13 +170,13 @@ READERS = {
 
 
 @pytest.mark.parametrize("read", READERS.values(), ids=READERS)
-def test_every_way_of_reading_takes_the_same_time(port, read):
+def test_every_way_of_reading_takes_the_same_time(port: Serial, read: Callable[..., Any]) -> None:
     port.write(b"B\n")
     assert read(port) == b"b,5.01,5.00\r\n"
     assert port.now == pytest.approx(15 * BYTE + 0.0015, abs=1e-7)
 
 
-def test_polling_without_a_timeout_gets_there(port):
+def test_polling_without_a_timeout_gets_there(port: Serial) -> None:
     port.timeout = 0
     port.write(b"B\n")
     data = b""
@@ -184,7 +189,7 @@ def test_polling_without_a_timeout_gets_there(port):
     assert port.read(port.in_waiting) == b"b"
 
 
-def test_two_requests_read_one_by_one(port):
+def test_two_requests_read_one_by_one(port: Serial) -> None:
     port.write(b"B\r\nH\r\n")
     assert port.readline() == b"b,5.01,5.00\r\n"
     between = port.now
@@ -193,7 +198,7 @@ def test_two_requests_read_one_by_one(port):
     assert port.now == pytest.approx(between + 7 * BYTE, abs=1e-6)
 
 
-def test_a_timeout_cuts_a_reply(port):
+def test_a_timeout_cuts_a_reply(port: Serial) -> None:
     port.write(b"B\n")
     port.timeout = 4.5 * BYTE + 0.0015
     assert port.readline() == b"b,"
@@ -201,7 +206,7 @@ def test_a_timeout_cuts_a_reply(port):
     assert port.readline() == b"5.01,5.00\r\n"
 
 
-def test_reading_at_most(port):
+def test_reading_at_most(port: Serial) -> None:
     port.write(b"B\n")
     assert port.readline(4) == b"b,5."
     assert port.read_until(b",", 100) == b"01,"
@@ -210,7 +215,7 @@ def test_reading_at_most(port):
     assert port.read(100) == b"0\r\n"
 
 
-def test_waiting_for_ever_for_nothing_is_refused(port):
+def test_waiting_for_ever_for_nothing_is_refused(port: Serial) -> None:
     port.timeout = None
     port.write(b"B\n")
     assert port.readline() == b"b,5.01,5.00\r\n"
@@ -221,7 +226,7 @@ def test_waiting_for_ever_for_nothing_is_refused(port):
         port.readline()
 
 
-def test_flush_lets_the_request_arrive(port):
+def test_flush_lets_the_request_arrive(port: Serial) -> None:
     port.write(b"D,5,5\n")
     port.flush()
     assert port.now == pytest.approx(6 * BYTE, abs=1e-7)
@@ -230,7 +235,7 @@ def test_flush_lets_the_request_arrive(port):
     assert port.read(3) == b"d\r\n"
 
 
-def test_an_input_buffer_can_be_dropped(port):
+def test_an_input_buffer_can_be_dropped(port: Serial) -> None:
     port.write(b"B\n")
     port.timeout = 4.5 * BYTE + 0.0015
     assert port.read(1) == b"b"
@@ -246,7 +251,7 @@ def test_an_input_buffer_can_be_dropped(port):
     assert port.readline() == b",5.00\r\n"
 
 
-def test_modem_lines_and_breaks_do_no_harm(port):
+def test_modem_lines_and_breaks_do_no_harm(port: Serial) -> None:
     port.dtr = port.rts = False
     port.break_condition = True
     port.send_break()
@@ -254,7 +259,7 @@ def test_modem_lines_and_breaks_do_no_harm(port):
     assert ask(port, b"B") == b"b,5.01,5.00\r\n"
 
 
-def test_a_closed_port_refuses(port):
+def test_a_closed_port_refuses(port: Serial) -> None:
     port.close()
     for use in (lambda: port.read(1), lambda: port.write(b"B\n"), lambda: port.now):
         with pytest.raises(serial.SerialException):
@@ -294,14 +299,14 @@ def test_a_closed_port_refuses(port):
         ("khepera://corridor?fault=fire", "cannot read the fault 'fire'"),
     ],
 )
-def test_a_wrong_url_is_told_in_one_sentence(url, words):
+def test_a_wrong_url_is_told_in_one_sentence(url: str, words: str) -> None:
     with pytest.raises(serial.SerialException) as caught:
         open_port(url)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_a_start_inside_a_wall_is_refused(tmp_path):
+def test_a_start_inside_a_wall_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "tight.toml"
     path.write_text(
         'version = 1\ntitle = "Tight"\nstart = { x = 0.0, y = 0.0 }\n'
@@ -312,7 +317,7 @@ def test_a_start_inside_a_wall_is_refused(tmp_path):
         open_port(f"khepera://{path}")
 
 
-def test_khepera2_counts_in_fours():
+def test_khepera2_counts_in_fours() -> None:
     with open_port("khepera://corridor?model=khepera2") as port:
         assert ask(port, b"B") == b"b,5.02,5.01\r\n"
         assert {int(word) % 4 for word in ask(port, b"N").split(b",")[1:]} == {0}
@@ -328,7 +333,9 @@ with open_port("khepera://corridor?seed=" + sys.argv[2]) as port:
 """
 
 
-def test_the_same_seed_gives_the_same_bytes_and_pictures_in_every_process(request):
+def test_the_same_seed_gives_the_same_bytes_and_pictures_in_every_process(
+    request: pytest.FixtureRequest,
+) -> None:
     def digest(seed: int) -> subprocess.Popen[str]:
         command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(request.path.parent), str(seed)]
         return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -340,7 +347,7 @@ def test_the_same_seed_gives_the_same_bytes_and_pictures_in_every_process(reques
     assert other.communicate(timeout=60)[0].splitlines()[-1] != digests[0]
 
 
-def test_another_seed_gives_another_robot():
+def test_another_seed_gives_another_robot() -> None:
     drifts, pictures = [], []
     for seed in (1, 2):
         with open_port(f"khepera://corridor?seed={seed}") as port:
@@ -351,7 +358,7 @@ def test_another_seed_gives_another_robot():
 
 
 @pytest.mark.parametrize("past", [0.0, 0.0012345, 0.1, 1 / 3, 12345.6789])
-def test_a_seeded_reset_has_no_past(past):
+def test_a_seeded_reset_has_no_past(past: float) -> None:
     with open_port("khepera://corridor?seed=7") as fresh:
         expected = session(fresh, Reset(seed=7))
     with open_port("khepera://corridor?seed=7") as used:
@@ -374,7 +381,7 @@ def test_a_seeded_reset_has_no_past(past):
         assert session(used, Reset(seed=7)) == expected
 
 
-def test_a_seeded_reset_equals_a_fresh_port():
+def test_a_seeded_reset_equals_a_fresh_port() -> None:
     with open_port("khepera://corridor?seed=7") as fresh:
         expected = session(fresh)
     with open_port("khepera://corridor?seed=7") as used:
@@ -382,7 +389,7 @@ def test_a_seeded_reset_equals_a_fresh_port():
         assert session(used, Reset(seed=7)) == expected
 
 
-def test_a_robot_keeps_its_wheels_over_a_reset():
+def test_a_robot_keeps_its_wheels_over_a_reset() -> None:
     with open_port("khepera://corridor?seed=7") as port:
         drift = port.emulator.truth().drift
         assert port.emulator.reset(Reset(seed=8)).drift == drift
@@ -390,7 +397,7 @@ def test_a_robot_keeps_its_wheels_over_a_reset():
         assert port.emulator.truth().drift != drift
 
 
-def test_a_random_place_depends_on_the_seed_alone():
+def test_a_random_place_depends_on_the_seed_alone() -> None:
     with open_port("khepera://corridor?seed=1") as port:
         reset = port.emulator.reset
         place = reset(Reset(seed=5, random=True)).pose
@@ -401,7 +408,7 @@ def test_a_random_place_depends_on_the_seed_alone():
         assert reset(Reset(random=True)).pose == second
 
 
-def test_a_reset_puts_the_robot_down_at_rest(port):
+def test_a_reset_puts_the_robot_down_at_rest(port: Serial) -> None:
     assert ask(port, b"D,10,10") == b"d\r\n"
     port.timeout = 1
     port.read(1)
@@ -415,7 +422,7 @@ def test_a_reset_puts_the_robot_down_at_rest(port):
     assert port.emulator.truth().pose == truth.pose
 
 
-def test_sensors_see_the_new_place_at_once():
+def test_sensors_see_the_new_place_at_once() -> None:
     with open_port("khepera://corridor?baud=unpaced") as port:
         assert max(map(int, ask(port, b"N").split(b",")[1:])) < 50
         port.emulator.reset(Reset(pose=Pose(x=1.09, y=0.0, heading=0.0)))
@@ -423,7 +430,9 @@ def test_sensors_see_the_new_place_at_once():
 
 
 @pytest.mark.parametrize("seed", [None, 9])
-def test_a_place_that_is_not_free_is_refused_and_changes_nothing(port, seed):
+def test_a_place_that_is_not_free_is_refused_and_changes_nothing(
+    port: Serial, seed: int | None
+) -> None:
     ask(port, b"D,10,10")
     before = port.emulator.truth()
     with pytest.raises(EmulatorError, match="no room for the robot"):
@@ -432,13 +441,13 @@ def test_a_place_that_is_not_free_is_refused_and_changes_nothing(port, seed):
     assert ask(port, b"K").startswith(b"k,0,1,")
 
 
-def test_time_does_not_run_back(port):
+def test_time_does_not_run_back(port: Serial) -> None:
     port.emulator.advance(2.0)
     port.emulator.advance(1.0)
     assert port.now == 2.0
 
 
-def test_how_time_is_cut_makes_no_difference():
+def test_how_time_is_cut_makes_no_difference() -> None:
     def drive(steps: int) -> tuple[bytes, Pose]:
         with open_port("khepera://corridor?seed=4") as port:
             port.write(b"D,6,5\nN\nH\n")
@@ -449,7 +458,7 @@ def test_how_time_is_cut_makes_no_difference():
     assert drive(1) == drive(7) == drive(1501)
 
 
-def test_opens_in_a_process_whose_error_output_is_closed():
+def test_opens_in_a_process_whose_error_output_is_closed() -> None:
     program = (
         "import serial, khepera_emulator\n"
         "port = serial.serial_for_url('khepera://corridor', timeout=1)\n"
@@ -461,7 +470,9 @@ def test_opens_in_a_process_whose_error_output_is_closed():
     assert done.stdout == "b'b,5.01,5.00\\r\\n'\n"
 
 
-def test_refused_requests_are_logged_with_cleaned_text_and_not_without_end(port, caplog):
+def test_refused_requests_are_logged_with_cleaned_text_and_not_without_end(
+    port: Serial, caplog: pytest.LogCaptureFixture
+) -> None:
     caplog.set_level("INFO")
     port.write(b"\x1b[31mM\nD,5\nD,5,5\nT,1,B\n")
     port.read(100)

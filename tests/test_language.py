@@ -9,7 +9,7 @@ FOLDERS = ("protocol", "khepera_emulator", "macor_hil", "benchmarks", "tests", "
 QUESTION = re.compile(r'"""(What|Where|Whether|Which|Who|Whom|Whose|Why|How|When)\b.*')
 
 
-def test_no_docstring_begins_with_a_question():
+def test_no_docstring_begins_with_a_question() -> None:
     found = []
     for folder in FOLDERS:
         for file in sorted((ROOT / folder).rglob("*.py")):

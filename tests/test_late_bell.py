@@ -9,7 +9,7 @@ from macor_hil.errors import MacorError
 from macor_hil.safety.late_bell import LateBell
 
 
-def test_it_rings_while_something_takes_too_long_and_says_so_afterwards():
+def test_it_rings_while_something_takes_too_long_and_says_so_afterwards() -> None:
     rung, said = threading.Event(), []
     with LateBell(0.0, rung.set) as bell:
         for number in (1, 2):
@@ -20,7 +20,7 @@ def test_it_rings_while_something_takes_too_long_and_says_so_afterwards():
             rung.clear()
 
 
-def test_it_is_quiet_where_nothing_does():
+def test_it_is_quiet_where_nothing_does() -> None:
     rung = []
     with LateBell(60.0, lambda: rung.append(1)) as bell:
         for _ in range(100):
@@ -31,7 +31,7 @@ def test_it_is_quiet_where_nothing_does():
     assert not rung
 
 
-def test_it_ends_after_an_interrupt_at_any_place():
+def test_it_ends_after_an_interrupt_at_any_place() -> None:
     bell = LateBell(60.0, lambda: None)
     with pytest.raises(KeyboardInterrupt), bell, bell.timing(lambda: None):
         raise KeyboardInterrupt
@@ -43,7 +43,7 @@ def test_it_ends_after_an_interrupt_at_any_place():
     assert bell._thread.ended()
 
 
-def test_a_broken_bell_is_heard(monkeypatch):
+def test_a_broken_bell_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
     with (
         LateBell(0.0, lambda: 1 / 0) as bell,

@@ -1,11 +1,14 @@
 """A recording trains a map: what was driven is learned as if it happened now."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from as_type import as_type, not_none
 from khepera_protocol.zenoh.controller_payloads import Odometry
 from khepera_protocol.zenoh.keys import CONTROLLER
 from khepera_protocol.zenoh.payloads import Pose, Stamp
@@ -13,34 +16,39 @@ from planning import square
 from typer.testing import CliRunner
 from watching_helpers import BEGIN, SECOND, a_life
 
-from macor_hil.cli import app
+from macor_hil.cli.program import app
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import CameraError, RecordingError
+from macor_hil.hardware.cameras.camera import Frame
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map
-from macor_hil.runs.agent import NO_PLAN, Agent
+from macor_hil.mind.memories.graded import GradedMemory
+from macor_hil.mind.memories.transitions import SensorimotorMap
+from macor_hil.runs.agent import NO_PLAN, Agent, Step
 from macor_hil.runs.decision_samples import decision_of
 from macor_hil.runs.recorded_drives import learn
-from macor_hil.telemetry.feed import Arrival, Presence
+from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.recordings.recording import Recorder
 
 CHOICES = [0, 0, 1, 2, 0, 1]
 
 
-def picture(frame):
+def picture(frame: Frame) -> Arrival:
     data = cv2.imencode(".png", frame.image)[1].tobytes()
     stamp = Stamp(sequence=frame.sequence, time=frame.time)
     return Arrival(CONTROLLER, "frame", data, "image/png", stamp, received(frame.time))
 
 
-def received(seconds):
+def received(seconds: float) -> int:
     return BEGIN + round(seconds * SECOND)
 
 
 @pytest.fixture(scope="module")
-def drive():
+def drive() -> tuple[list[Arrival], list[Step]]:
     """Events of a short drive, and its steps."""
     events, steps = [], []
     choices = iter(CHOICES)
@@ -71,45 +79,56 @@ def drive():
     return events, steps
 
 
-def test_every_command_is_learned_with_what_it_earned(drive):
+def test_every_command_is_learned_with_what_it_earned(
+    drive: tuple[list[Arrival], list[Step]],
+) -> None:
     events, steps = drive
     brain = build_brain()
     assert learn(brain, [events], np.random.default_rng(0)) == len(steps)
-    z, w_r = (square(brain.memories["transitions"], what) for what in ("z", "w_r"))
+    z, w_r = (
+        square(as_type(SensorimotorMap, brain.memories["transitions"]), what)
+        for what in ("z", "w_r")
+    )
     assert z.sum() == len(steps)
     present, _ = np.nonzero(z)
     by_command = z.sum(axis=1).reshape(-1, len(COMMANDS)).sum(axis=0)
     assert by_command.tolist() == [CHOICES.count(k) for k in range(3)]
     earned = {round(value, 2) for value in w_r[z > 0]}
     assert earned == {0.54, 0.62}
-    assert brain.eyes.fields.low != (0.0, 0.0, 0.0)
+    assert as_type(PanoramaEyes, brain.eyes).fields.low != (0.0, 0.0, 0.0)
     assert len(present) > 0
     # each command counts as it was, and as its mirror image
-    shared = brain.memories["graded"].counts.tried.sum(axis=0)
+    shared = as_type(GradedMemory, brain.memories["graded"]).counts.tried.sum(axis=0)
     left, right, straight = (CHOICES.count(k) for k in range(3))
     assert shared == pytest.approx([left + right, left + right, 2 * straight])
 
 
-def test_a_frame_that_did_not_arrive_breaks_the_chain_and_nothing_else(drive):
+def test_a_frame_that_did_not_arrive_breaks_the_chain_and_nothing_else(
+    drive: tuple[list[Arrival], list[Step]],
+) -> None:
     events, steps = drive
     brain = build_brain()
     # without the frame between the third and the fourth command, both cannot be learned
     assert learn(brain, [events[:5] + events[6:]], np.random.default_rng(0)) == len(steps) - 2
-    assert square(brain.memories["transitions"], "z").sum() == len(steps) - 2
+    assert (
+        square(as_type(SensorimotorMap, brain.memories["transitions"]), "z").sum() == len(steps) - 2
+    )
 
 
-def learned_from(*recordings):
+def learned_from(*recordings: Sequence[Event]) -> tuple[int, bytes, bytes]:
     brain = build_brain()
     driven = learn(brain, recordings, np.random.default_rng(0))
     return (
         driven,
-        brain.clusterer.weights.tobytes(),
-        square(brain.memories["transitions"], "z").tobytes(),
+        as_type(FuzzyArt, brain.clusterer).weights.tobytes(),
+        square(as_type(SensorimotorMap, brain.memories["transitions"]), "z").tobytes(),
     )
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_order_of_frames_and_decisions_in_the_file_does_not_matter(drive, seed, caplog):
+def test_the_order_of_frames_and_decisions_in_the_file_does_not_matter(
+    drive: tuple[list[Arrival], list[Step]], seed: int, caplog: pytest.LogCaptureFixture
+) -> None:
     events, steps = drive
     # each up to three places from where it was
     places = np.arange(len(events)) + np.random.default_rng(seed).uniform(0.0, 3.0, len(events))
@@ -120,7 +139,7 @@ def test_the_order_of_frames_and_decisions_in_the_file_does_not_matter(drive, se
     assert caplog.messages == []
 
 
-def test_runs_in_one_recording_count_apart(drive):
+def test_runs_in_one_recording_count_apart(drive: tuple[list[Arrival], list[Step]]) -> None:
     events, steps = drive
     # virtual time begins anew with every run, and numbers do with every controller
     alive = [Presence(CONTROLLER, True, BEGIN)]
@@ -135,17 +154,19 @@ def test_runs_in_one_recording_count_apart(drive):
     assert learned_from([*events, *events[-2:]])[0] == len(steps)
 
 
-def at(event, later):
+def at(event: Arrival, later: float) -> Arrival:
     """The same event, as if it had happened later."""
     data = event.data
     if event.leaf == "decision":
         decision = json.loads(data)
         data = json.dumps({**decision, "frame_time": decision["frame_time"] + later}).encode()
-    stamp = event.stamp.model_copy(update={"time": event.stamp.time + later})
+    stamp = not_none(event.stamp).model_copy(update={"time": not_none(event.stamp).time + later})
     return replace(event, data=data, stamp=stamp)
 
 
-def test_what_is_left_out_is_told(drive, caplog):
+def test_what_is_left_out_is_told(
+    drive: tuple[list[Arrival], list[Step]], caplog: pytest.LogCaptureFixture
+) -> None:
     events, steps = drive
     decision = events[2]
     odd = [
@@ -166,7 +187,7 @@ def test_what_is_left_out_is_told(drive, caplog):
         assert part in said
 
 
-def test_frames_of_another_mirror_are_named(drive):
+def test_frames_of_another_mirror_are_named(drive: tuple[list[Arrival], list[Step]]) -> None:
     events, steps = drive
     small = cv2.imencode(".png", np.full((8, 8, 3), 90, np.uint8))[1].tobytes()
     misfit = [replace(e, data=small) if e.leaf == "frame" else e for e in events]
@@ -175,12 +196,12 @@ def test_frames_of_another_mirror_are_named(drive):
     assert learned_from([misfit[0], *events])[0] == len(steps)
 
 
-def test_what_holds_no_drive_cannot_be_learned_from():
+def test_what_holds_no_drive_cannot_be_learned_from() -> None:
     with pytest.raises(RecordingError, match="no decision with the frames"):
         learn(build_brain(), [a_life(0)], np.random.default_rng(0))
 
 
-def test_the_command_makes_a_map(drive, tmp_path):
+def test_the_command_makes_a_map(drive: tuple[list[Arrival], list[Step]], tmp_path: Path) -> None:
     file, map_file = tmp_path / "drive.mcap", tmp_path / "map.npz"
     with Recorder(file, "khepera") as recorder:
         for event in drive[0]:
@@ -188,5 +209,6 @@ def test_the_command_makes_a_map(drive, tmp_path):
     arguments = ["learn", str(file), "--map", str(map_file)]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert f"from {len(CHOICES)} commands" in result.stdout
-    assert square(load_map(map_file)[0].memories["transitions"], "z").sum() == len(CHOICES)
+    known = as_type(SensorimotorMap, load_map(map_file)[0].memories["transitions"])
+    assert square(known, "z").sum() == len(CHOICES)
     assert "is there already" in str(CliRunner().invoke(app, arguments).exception)

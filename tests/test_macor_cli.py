@@ -177,8 +177,8 @@ def test_a_watched_training_learns_the_same(trained: Path) -> None:
     ],
 )
 def test_an_interrupt_that_a_library_makes_an_error_of_is_one_all_the_same(
-    monkeypatch, number, status
-):
+    monkeypatch: pytest.MonkeyPatch, number: signal.Signals, status: Status
+) -> None:
     def import_something() -> None:
         try:
             signal.raise_signal(number)

@@ -1,12 +1,17 @@
 """`khepera-emulator run --robots N`: a terminal, a link and Zenoh keys for each robot."""
 
 import subprocess
+from collections.abc import Iterator
 from contextlib import ExitStack
 from math import hypot
+from pathlib import Path
 
 import pytest
 import serial
+from as_type import not_none
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
+from in_process import open_robot
+from khepera_protocol.zenoh.payloads import Truth
 from test_side_channel import session, truth_of, wait_for
 
 import khepera_emulator  # noqa: F401 - registers khepera://
@@ -18,21 +23,24 @@ from khepera_emulator.ports.tcp import shifted
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory):
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, str, list[str]]]:
     """Three robots in an open box: paths of their links, and their Zenoh endpoint."""
     folder, endpoint = tmp_path_factory.mktemp("robots"), free_endpoint()
     options = ("--arena", "open-box", "--robots", "3", "--robot", "kheep", "--drift", "none")
     with emulator(*options, "--link", str(folder / "line"), "--listen", endpoint) as started:
-        lines = [started.announcement, *(started.process.stdout.readline() for _ in range(2))]
+        lines = [
+            started.announcement,
+            *(not_none(started.process.stdout).readline() for _ in range(2)),
+        ]
         yield folder, endpoint, [line.rstrip("\n") for line in lines]
 
 
-def ask(port, request):
+def ask(port: serial.SerialBase, request: bytes) -> bytes:
     port.write(request)
     return port.read_until(b"\n")
 
 
-def test_each_is_announced_with_its_own_link(running):
+def test_each_is_announced_with_its_own_link(running: tuple[Path, str, list[str]]) -> None:
     folder, _, lines = running
     for number, line in enumerate(lines, 1):
         link = folder / f"line-{number}"
@@ -40,15 +48,15 @@ def test_each_is_announced_with_its_own_link(running):
     assert len({line.split()[2] for line in lines}) == 3
 
 
-def test_each_line_drives_its_own_robot(running):
+def test_each_line_drives_its_own_robot(running: tuple[Path, str, list[str]]) -> None:
     folder, endpoint, _ = running
     with session(connect=[endpoint]) as peer:
         for number in (1, 2, 3):
             wait_for(peer, f"khepera/kheep-{number}/alive")
 
-        def truth(number):
+        def truth(number: int) -> Truth:
             (reply,) = peer.get(f"khepera/kheep-{number}/truth", timeout=PATIENCE)
-            return truth_of(reply.ok)
+            return truth_of(not_none(reply.ok))
 
         before = [truth(number) for number in (1, 2, 3)]
         with (
@@ -67,26 +75,26 @@ def test_each_line_drives_its_own_robot(running):
     assert min(hypot(places[0][0] - x, places[0][1] - y) for x, y in places[1:]) > 0.08
 
 
-def test_each_has_a_camera_and_a_reset(running):
+def test_each_has_a_camera_and_a_reset(running: tuple[Path, str, list[str]]) -> None:
     _, endpoint, _ = running
     with session(connect=[endpoint]) as peer:
         wait_for(peer, "khepera/kheep-2/alive")
         (picture,) = peer.get("khepera/kheep-2/camera", timeout=PATIENCE)
-        assert picture.ok.payload.to_bytes().startswith(b"\x89PNG")
+        assert not_none(picture.ok).payload.to_bytes().startswith(b"\x89PNG")
         place = '{"pose": {"x": 0.4, "y": 0.4, "heading": 0}}'
         (reply,) = peer.get("khepera/kheep-2/reset", payload=place, timeout=PATIENCE)
-        assert truth_of(reply.ok).pose.x == 0.4
+        assert truth_of(not_none(reply.ok)).pose.x == 0.4
         (reply,) = peer.get("khepera/kheep-1/reset", payload=place, timeout=PATIENCE)
-        assert "no room for the robot" in reply.err.payload.to_string()
+        assert "no room for the robot" in not_none(reply.err).payload.to_string()
 
 
 @pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_each_has_a_port_and_a_log_of_its_own(tmp_path, scheme):
+def test_each_has_a_port_and_a_log_of_its_own(tmp_path: Path, scheme: str) -> None:
     option = {"socket": "--tcp", "rfc2217": "--rfc2217"}[scheme]
     options = ("--arena", "open-box", "--robots", "2", "--seed", "3", option, "127.0.0.1:0")
     with emulator("--no-zenoh", *options, "--record", str(tmp_path / "wire.jsonl")) as started:
-        urls = [started.path, started.process.stdout.readline().split()[2]]
+        urls = [started.path, not_none(started.process.stdout).readline().split()[2]]
         assert [url.partition(":")[0] for url in urls] == [scheme] * 2
         with ExitStack() as stack:
             first, second = (
@@ -105,7 +113,7 @@ def test_each_has_a_port_and_a_log_of_its_own(tmp_path, scheme):
             assert replay(log, port) == lines
 
 
-def test_ports_follow_each_other():
+def test_ports_follow_each_other() -> None:
     assert shifted("127.0.0.1:4000", 2) == "127.0.0.1:4002"
     assert shifted("[::1]:4000", 1) == "[::1]:4001"
     assert shifted("localhost:0", 5) == "localhost:0"
@@ -113,11 +121,11 @@ def test_ports_follow_each_other():
         shifted("4000", 1)
 
 
-def test_one_of_several_fits_into_a_url():
+def test_one_of_several_fits_into_a_url() -> None:
     places = []
     for robot in (1, 2):
         url = f"khepera://open-box?robots=2&robot={robot}&seed=3"
-        with serial.serial_for_url(url, timeout=1) as port:
+        with open_robot(url, timeout=1) as port:
             assert ask(port, b"G,5,6\n") == b"g\r\n"
             places.append(port.emulator.truth().pose)
     assert hypot(places[0].x - places[1].x, places[0].y - places[1].y) > 0.05
@@ -126,12 +134,12 @@ def test_one_of_several_fits_into_a_url():
         ("robot=2", "not from 1 to 1"),
     ):
         with pytest.raises(serial.SerialException, match=words):
-            serial.serial_for_url(f"khepera://open-box?{options}")
+            open_robot(f"khepera://open-box?{options}")
 
 
-def test_links_go_at_the_end(tmp_path):
+def test_links_go_at_the_end(tmp_path: Path) -> None:
     with emulator("--robots", "2", "--no-zenoh", "--link", str(tmp_path / "line")) as started:
-        started.process.stdout.readline()
+        not_none(started.process.stdout).readline()
         assert {path.name for path in tmp_path.iterdir()} >= {"line-1", "line-2"}
         assert started.end() == (0, "")
     assert list(tmp_path.iterdir()) == []
@@ -147,7 +155,13 @@ def test_links_go_at_the_end(tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_is_told_in_one_sentence(monkeypatch, capfd, tmp_path, options, words):
+def test_what_cannot_be_is_told_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    options: tuple[str, ...],
+    words: str,
+) -> None:
     monkeypatch.chdir(tmp_path)
     arguments = ["run", "--no-zenoh", "--robots", "2", *options]
     monkeypatch.setattr("sys.argv", ["khepera-emulator", *arguments])
@@ -159,13 +173,13 @@ def test_what_cannot_be_is_told_in_one_sentence(monkeypatch, capfd, tmp_path, op
     assert list(tmp_path.iterdir()) == []
 
 
-def test_one_robot_keeps_its_name(tmp_path):
+def test_one_robot_keeps_its_name(tmp_path: Path) -> None:
     with emulator("--no-zenoh", "--robots", "1", "--link", str(tmp_path / "line")) as started:
         assert started.announcement.startswith("khepera on /dev/pts/")
         assert started.announcement.endswith(f"link {tmp_path / 'line'}")
 
 
-def test_so_many_robots_are_too_many():
+def test_so_many_robots_are_too_many() -> None:
     done = subprocess.run(
         [*COMMAND, "--robots", "33"], capture_output=True, text=True, timeout=PATIENCE
     )

@@ -2,8 +2,12 @@
 
 import io
 import re
+from collections.abc import Callable
+from typing import Any
 
 import pytest
+import zenoh
+from as_type import as_type, not_none
 from controller_helpers import (
     a_decision,
     a_frame,
@@ -36,28 +40,28 @@ PATIENCE = 10.0
 KEYS = [f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state")]
 
 
-def text_of(watched, now=100.0, width=80):
-    console = Console(file=io.StringIO(), width=width, height=24)
-    console.print(render(watched, now))
-    return console.file.getvalue()
+def text_of(watched: RobotState, now: float = 100.0, width: int = 80) -> str:
+    screen = io.StringIO()
+    Console(file=screen, width=width, height=24).print(render(watched, now))
+    return screen.getvalue()
 
 
-def a_watched(**changes):
+def a_watched(**changes: Any) -> RobotState:
     watched = RobotState("khepera", Controlled(alive=True, met=True, state=a_state()))
     watched.controlled.decide(a_decision(3, **changes), 99.5)
     return watched
 
 
-def line_with(text, word):
+def line_with(text: str, word: str) -> str:
     (line,) = [line for line in text.splitlines() if word in line]
     return line
 
 
-def test_without_a_controller_it_waits():
+def test_without_a_controller_it_waits() -> None:
     assert "waiting for a controller..." in text_of(RobotState("khepera"))
 
 
-def test_a_controller_that_has_gone_leaves_its_last_words():
+def test_a_controller_that_has_gone_leaves_its_last_words() -> None:
     watched = a_watched()
     watched.controlled.alive = False
     text = text_of(watched)
@@ -67,7 +71,7 @@ def test_a_controller_that_has_gone_leaves_its_last_words():
     assert "waiting for a controller...  the last one stopped: collision" in text_of(watched)
 
 
-def test_a_decision_is_shown_with_all_that_belongs_to_it():
+def test_a_decision_is_shown_with_all_that_belongs_to_it() -> None:
     text = text_of(a_watched())
     assert "driving  3 of 40 commands" in text
     assert "khepera://corridor" in text
@@ -81,7 +85,7 @@ def test_a_decision_is_shown_with_all_that_belongs_to_it():
     assert "COLLISION" not in text
 
 
-def test_alternatives_have_bars_in_proportion_and_the_driven_one_is_marked():
+def test_alternatives_have_bars_in_proportion_and_the_driven_one_is_marked() -> None:
     text = text_of(a_watched())
     lengths = {name: line_with(text, f"│ {name} ").count("█") for name in ("left", "straight")}
     assert lengths == {"left": 16, "straight": 32}
@@ -90,39 +94,41 @@ def test_alternatives_have_bars_in_proportion_and_the_driven_one_is_marked():
     assert text.count("◀") == 1
 
 
-def test_a_situation_without_resonance_is_called_unknown():
+def test_a_situation_without_resonance_is_called_unknown() -> None:
     seen = a_decision().situation.model_copy(update={"resonant": False})
     assert "unknown, the nearest one" in text_of(a_watched(situation=seen))
 
 
-def test_a_program_that_is_no_controller_of_ours_is_told_of():
-    watched = RobotState("khepera", emulated=Emulated(alive=True, truth=EXAMPLES[Truth]))
+def test_a_program_that_is_no_controller_of_ours_is_told_of() -> None:
+    watched = RobotState(
+        "khepera", emulated=Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
+    )
     told = line_with(text_of(watched), "controller")
     assert "none; a program that tells nothing of itself drives it" in told
 
 
-def test_a_collision_is_shown():
+def test_a_collision_is_shown() -> None:
     assert "COLLISION" in text_of(a_watched(collided=True))
 
 
-def test_the_reason_of_a_failure_is_shown():
+def test_the_reason_of_a_failure_is_shown() -> None:
     watched = a_watched()
     watched.controlled.state = a_state(Phase.FAILED, reason="the serial port failed")
     assert "failed  3 of 40 commands  the serial port failed" in text_of(watched)
 
 
-def test_link_and_speeds_are_shown_while_they_are_known():
+def test_link_and_speeds_are_shown_while_they_are_known() -> None:
     watched = a_watched()
     assert "speeds" not in text_of(watched)
-    watched.controlled.link = EXAMPLES[Link]
-    watched.emulated = Emulated(alive=True, truth=EXAMPLES[Truth])
+    watched.controlled.link = as_type(Link, EXAMPLES[Link])
+    watched.emulated = Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
     text = text_of(watched)
     assert "240 exchanges, 26.0 ms mean, 53.0 ms worst, 0 failed" in line_with(text, "link")
     assert "speeds 160 and 158 mm/s" in line_with(text, "wheels")
 
 
 @pytest.mark.parametrize("width", [80, 120])
-def test_the_fullest_picture_fits_the_terminal(width):
+def test_the_fullest_picture_fits_the_terminal(width: int) -> None:
     watched = a_watched(
         collided=True,
         sequence_ahead=[Ahead(node=50, command="straight")] * 150,
@@ -130,8 +136,8 @@ def test_the_fullest_picture_fits_the_terminal(width):
     )
     watched.controlled.state = a_state(port="/dev/" + "x" * 200, map="y" * 300, reason="z" * 400)
     watched.not_taken = NotTaken(123_456, 123_456, "t" * 300)
-    watched.controlled.link = EXAMPLES[Link]
-    watched.emulated = Emulated(alive=True, truth=EXAMPLES[Truth])
+    watched.controlled.link = as_type(Link, EXAMPLES[Link])
+    watched.emulated = Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
     for _ in range(100):
         watched.see(bytes(123_456), 99.9)
         watched.controlled.history.append(a_decision())
@@ -141,7 +147,7 @@ def test_the_fullest_picture_fits_the_terminal(width):
     assert "│ reinforcement " in "\n".join(lines)
 
 
-def test_what_comes_from_elsewhere_cannot_steer_the_terminal():
+def test_what_comes_from_elsewhere_cannot_steer_the_terminal() -> None:
     watched = a_watched()
     watched.controlled.state = a_state(
         port="\x1b[2J\x1b]0;title\x07[bold]x[/bold]\r\n", reason="a\nb"
@@ -152,7 +158,7 @@ def test_what_comes_from_elsewhere_cannot_steer_the_terminal():
     assert len({len(line) for line in text.splitlines()}) == 1
 
 
-def test_rates_and_ages_count_arrivals():
+def test_rates_and_ages_count_arrivals() -> None:
     watched = RobotState("khepera", Controlled(alive=True))
     for n in range(5):
         watched.see(bytes(6200), 90.0 + n / 4)
@@ -162,7 +168,7 @@ def test_rates_and_ages_count_arrivals():
     assert "none yet" in line_with(text_of(watched), "decisions")
 
 
-def test_decisions_that_did_not_arrive_are_counted():
+def test_decisions_that_did_not_arrive_are_counted() -> None:
     watched = RobotState("khepera")
     for sequence in (4, 5, 9):
         watched.controlled.decide(a_decision(sequence), float(sequence))
@@ -170,7 +176,7 @@ def test_decisions_that_did_not_arrive_are_counted():
     assert "3 missed" in text_of(watched)
 
 
-def test_a_new_run_begins_a_new_curve():
+def test_a_new_run_begins_a_new_curve() -> None:
     watched = RobotState("khepera")
     for sequence in (0, 1, 2, 0):
         watched.controlled.decide(a_decision(sequence), 0.0)
@@ -178,7 +184,7 @@ def test_a_new_run_begins_a_new_curve():
     assert watched.controlled.missed == 0
 
 
-def test_sparks_and_bars():
+def test_sparks_and_bars() -> None:
     assert spark([0.0, 0.35, 0.7]) == "▁▅█"
     assert spark([]) == ""
     assert spark([0.0]) == "▁"
@@ -188,7 +194,7 @@ def test_sparks_and_bars():
     assert bar(-1.0, 4) == "    "
 
 
-def test_once_shows_a_controller_that_is_there():
+def test_once_shows_a_controller_that_is_there() -> None:
     endpoint, file = free_endpoint(), io.StringIO()
     with publishing(endpoint) as (_, publisher):
         publisher.state(a_state(), 1.0)
@@ -200,7 +206,7 @@ def test_once_shows_a_controller_that_is_there():
     assert "17 (neuron 53)" in file.getvalue()
 
 
-def test_a_watcher_without_a_controller_ends_after_its_duration():
+def test_a_watcher_without_a_controller_ends_after_its_duration() -> None:
     file = io.StringIO()
     console = Console(file=file, width=80)
     with open_session([], [free_endpoint()]) as session:
@@ -208,17 +214,17 @@ def test_a_watcher_without_a_controller_ends_after_its_duration():
     assert "waiting for a controller..." in file.getvalue()
 
 
-def test_a_bad_name_is_refused():
+def test_a_bad_name_is_refused() -> None:
     with open_session([], []) as session, pytest.raises(TelemetryError):
         watch(session, "a/**")
 
 
-def wait_for(watcher, what):
+def wait_for(watcher: Follower, what: Callable[[], Any]) -> None:
     watcher.follow(PATIENCE, until=what)
     assert what()
 
 
-def live_and_go(endpoint, watcher, commands):
+def live_and_go(endpoint: str, watcher: Follower, commands: int) -> None:
     """A controller appears, drives some commands, and goes; the watcher must see all of it."""
     with open_session([], [endpoint]) as session, Publisher(session, "khepera") as publisher:
         wait_for(watcher, lambda: watcher.watched.controlled.alive)
@@ -232,20 +238,20 @@ def live_and_go(endpoint, watcher, commands):
         wait_for(watcher, lambda: len(watcher.watched.controlled.history) == commands)
         wait_for(watcher, lambda: watcher.watched.controlled.state is not None)
         wait_for(watcher, lambda: watcher.watched.frame)
-        assert watcher.watched.controlled.state.driven == commands
+        assert not_none(watcher.watched.controlled.state).driven == commands
     wait_for(watcher, lambda: not watcher.watched.controlled.alive)
     assert watcher.watched.controlled.met
     assert watcher.watched.controlled.decision == a_decision(commands - 1)
 
 
-def test_a_watcher_survives_the_controller_going_and_coming_back():
+def test_a_watcher_survives_the_controller_going_and_coming_back() -> None:
     endpoint = free_endpoint()
     with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
         live_and_go(endpoint, watcher, commands=1)
         live_and_go(endpoint, watcher, commands=2)
 
 
-def test_a_state_that_came_before_the_sign_of_life_is_not_forgotten():
+def test_a_state_that_came_before_the_sign_of_life_is_not_forgotten() -> None:
     endpoint, key = free_endpoint(), KEYS[2]
     text = a_state(driven=5).model_dump_json()
     with (
@@ -256,7 +262,7 @@ def test_a_state_that_came_before_the_sign_of_life_is_not_forgotten():
         wait_until_watched(other, key)
         when = other.new_timestamp()
 
-        def answer(query):
+        def answer(query: zenoh.Query) -> None:
             with query:
                 query.reply(key, text, timestamp=when)
 
@@ -268,7 +274,7 @@ def test_a_state_that_came_before_the_sign_of_life_is_not_forgotten():
                 wait_for(watcher, lambda: watcher.watched.controlled.state is not None)
 
 
-def test_a_payload_of_another_version_is_trouble_but_no_end():
+def test_a_payload_of_another_version_is_trouble_but_no_end() -> None:
     endpoint = free_endpoint()
     with (
         open_session([endpoint], []) as session,

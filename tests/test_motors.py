@@ -34,7 +34,7 @@ def run_until_reached(turning: Wheel, limit: int = 3000) -> list[float]:
 
 
 @pytest.mark.parametrize("speed", [-100, -20, -5, -3, 2, 5, 10, 20, 60, 120])
-def test_a_speed_settles_without_steady_error(speed):
+def test_a_speed_settles_without_steady_error(speed: int) -> None:
     turning = wheel()
     turning.drive_speed(speed)
     run(turning, 100)
@@ -45,13 +45,13 @@ def test_a_speed_settles_without_steady_error(speed):
 
 
 @pytest.mark.parametrize("speed", [5, 20, 60])
-def test_a_speed_is_near_after_a_tenth_of_a_second(speed):
+def test_a_speed_is_near_after_a_tenth_of_a_second(speed: int) -> None:
     turning = wheel()
     turning.drive_speed(speed)
     assert run(turning, 12)[-1] == pytest.approx(speed, rel=0.3)
 
 
-def test_stopping_comes_to_a_full_stop():
+def test_stopping_comes_to_a_full_stop() -> None:
     turning = wheel()
     turning.drive_speed(20)
     run(turning, 50)
@@ -64,7 +64,7 @@ def test_stopping_comes_to_a_full_stop():
 
 
 @pytest.mark.parametrize("target", [1, -2, 10, 262, -262, 1000, 5000])
-def test_a_move_reaches_its_target(target):
+def test_a_move_reaches_its_target(target: int) -> None:
     turning = wheel()
     turning.drive_position(target)
     run_until_reached(turning)
@@ -74,7 +74,7 @@ def test_a_move_reaches_its_target(target):
     assert turning.error == target - turning.counter
 
 
-def test_a_move_keeps_to_the_profile_in_speed_and_time():
+def test_a_move_keeps_to_the_profile_in_speed_and_time() -> None:
     turning = wheel()
     turning.drive_position(5000)
     speeds = run_until_reached(turning)
@@ -84,7 +84,7 @@ def test_a_move_keeps_to_the_profile_in_speed_and_time():
     assert speeds[39] == pytest.approx(10, abs=1)
 
 
-def test_a_slower_profile_takes_longer():
+def test_a_slower_profile_takes_longer() -> None:
     turning = wheel()
     turning.profile = Profile(5, 16)
     turning.drive_position(1000)
@@ -94,7 +94,7 @@ def test_a_slower_profile_takes_longer():
 
 
 @pytest.mark.parametrize("profile", [Profile(0, 64), Profile(20, 0)])
-def test_a_profile_without_speed_goes_nowhere(profile):
+def test_a_profile_without_speed_goes_nowhere(profile: Profile) -> None:
     turning = wheel()
     turning.profile = profile
     turning.drive_position(100)
@@ -103,7 +103,7 @@ def test_a_profile_without_speed_goes_nowhere(profile):
     assert not turning.reached
 
 
-def test_a_new_target_during_a_move_turns_round():
+def test_a_new_target_during_a_move_turns_round() -> None:
     turning = wheel()
     turning.drive_position(2000)
     run(turning, 100)
@@ -113,7 +113,7 @@ def test_a_new_target_during_a_move_turns_round():
     assert abs(turning.counter) <= 1
 
 
-def test_counters_set_during_a_move_shift_its_end():
+def test_counters_set_during_a_move_shift_its_end() -> None:
     turning = wheel()
     turning.drive_position(1000)
     run(turning, 80)
@@ -126,7 +126,7 @@ def test_counters_set_during_a_move_shift_its_end():
 
 
 @pytest.mark.parametrize(("start", "speed", "sign"), [(2**31 - 1, 5, -1), (-(2**31), -5, 1)])
-def test_counters_wrap_at_32_bits(start, speed, sign):
+def test_counters_wrap_at_32_bits(start: int, speed: int, sign: int) -> None:
     turning = wheel()
     turning.counter = start
     assert turning.counter == start
@@ -135,7 +135,7 @@ def test_counters_wrap_at_32_bits(start, speed, sign):
     assert turning.counter * sign > 2**31 - 1000
 
 
-def test_the_last_command_wins():
+def test_the_last_command_wins() -> None:
     turning = wheel()
     turning.drive_position(100_000)
     run(turning, 150)
@@ -150,7 +150,7 @@ def test_the_last_command_wins():
     assert abs(turning.counter - target) <= 1
 
 
-def test_taking_over_from_a_move_does_not_jerk():
+def test_taking_over_from_a_move_does_not_jerk() -> None:
     turning = wheel()
     turning.drive_position(100_000)
     speed = run(turning, 150)[-1]
@@ -158,7 +158,7 @@ def test_taking_over_from_a_move_does_not_jerk():
     assert run(turning, 10) == pytest.approx([speed] * 10, abs=4)
 
 
-def test_duty_is_open_loop_and_friction_eats_a_part():
+def test_duty_is_open_loop_and_friction_eats_a_part() -> None:
     turning = wheel()
     turning.drive_duty(1)
     assert run(turning, 50)[-1] == 0.0
@@ -167,7 +167,7 @@ def test_duty_is_open_loop_and_friction_eats_a_part():
     assert turning.error == 0
 
 
-def test_speed_gains_change_the_motion():
+def test_speed_gains_change_the_motion() -> None:
     # without the integral part the wheel keeps a steady error
     turning = wheel()
     turning.speed_gains = Gains(3800, 0, 100)
@@ -177,7 +177,7 @@ def test_speed_gains_change_the_motion():
     assert run(turning, 200)[-1] == 0.0
 
 
-def test_position_gains_change_the_motion():
+def test_position_gains_change_the_motion() -> None:
     # only gains bring a wheel back that was pushed away after it had arrived
     held, loose = wheel(), wheel()
     loose.position_gains = Gains(0, 0, 0)
@@ -190,7 +190,7 @@ def test_position_gains_change_the_motion():
     assert loose.error == pytest.approx(50, abs=2)
 
 
-def test_a_held_wheel_reads_what_it_really_turned():
+def test_a_held_wheel_reads_what_it_really_turned() -> None:
     turning = wheel()
     turning.drive_speed(20)
     for _ in range(50):
@@ -201,7 +201,7 @@ def test_a_held_wheel_reads_what_it_really_turned():
     assert turning.error == 20
 
 
-def test_a_wheel_pushed_over_the_edge_of_the_counter_comes_back():
+def test_a_wheel_pushed_over_the_edge_of_the_counter_comes_back() -> None:
     turning = wheel()
     turning.counter = 2**31 - 1
     turning.drive_position(0)
@@ -210,7 +210,7 @@ def test_a_wheel_pushed_over_the_edge_of_the_counter_comes_back():
     assert turning.control() < 0.0
 
 
-def test_a_move_begins_beyond_the_edge_of_the_counter():
+def test_a_move_begins_beyond_the_edge_of_the_counter() -> None:
     turning = wheel()
     turning.counter = 2**31 - 1
     turning.roll(5.0, 0.0)
@@ -218,7 +218,7 @@ def test_a_move_begins_beyond_the_edge_of_the_counter():
     assert turning.control() == pytest.approx(0.0, abs=5.0)
 
 
-def test_the_error_holds_32_bits():
+def test_the_error_holds_32_bits() -> None:
     turning = wheel()
     turning.counter = -(2**31)
     turning.drive_position(2**23 - 2)
@@ -226,7 +226,7 @@ def test_the_error_holds_32_bits():
 
 
 @pytest.mark.parametrize(("within", "reached"), [(0, False), (100, True)])
-def test_a_move_counts_as_reached_within_some_counts(within, reached):
+def test_a_move_counts_as_reached_within_some_counts(within: int, reached: bool) -> None:
     turning = wheel()
     turning.reached_within = within
     turning.position_gains = Gains(0, 0, 0)

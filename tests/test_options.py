@@ -59,7 +59,7 @@ def test_every_kind_of_option_is_read() -> None:
     more = ("--colour", "blue", "--dead-man", "0.5", "--expose", "--loud", "b.txt")
     robot, where, loud = call(*arguments, *more)[2]
     assert robot == Robot(
-        name="two", seed=3, speed=2, fault=("a", "b"), colour="blue", dead_man=0.5, expose=True
+        name="two", seed=3, speed=2, fault=("a", "b"), colour=Colour.BLUE, dead_man=0.5, expose=True
     )
     assert (where.file, loud) == (Path("b.txt"), True)
 

@@ -2,18 +2,20 @@
 
 from itertools import product
 from math import ceil, radians
+from typing import Any
 
 import numpy as np
 import pytest
+from as_type import not_none
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from khepera_protocol.serial.units import PULSE, WHEEL_BASE
 from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, WheelDrift
 from worlds import arena
 
-from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.arenas.arena import Arena, load_arena
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.models import KHEPERA, KHEPERA2
+from khepera_emulator.models import KHEPERA, KHEPERA2, Model
 from khepera_emulator.routes.oracle import MARGIN, PAPER_COMMANDS, Oracle
 from khepera_emulator.senses.infrared import Infrared
 from khepera_emulator.world.floor_plan import FloorPlan
@@ -37,11 +39,11 @@ TIGHT = arena(
 """A room that no drive lasts long in."""
 
 
-def oracle(made, model=KHEPERA, **options):
+def oracle(made: Arena, model: Model = KHEPERA, **options: Any) -> Oracle:
     return Oracle(outline(made, model), **options)
 
 
-def places(made, count, seed=0):
+def places(made: Arena, count: int, seed: int = 0) -> list[Pose]:
     gap = FloorPlan(made).clearance
     rng = np.random.default_rng(seed)
     return [
@@ -53,12 +55,12 @@ def places(made, count, seed=0):
 class Exhaustive:
     """Every sequence of commands, one pose after the other, by the emulator's own sensors."""
 
-    def __init__(self, made, margin=MARGIN):
+    def __init__(self, made: Arena, margin: float = MARGIN) -> None:
         self.plan = FloorPlan(made)
         self.infrared = Infrared(KHEPERA, self.plan, [], np.random.default_rng(0))
         self.margin = margin
 
-    def collides(self, pose):
+    def collides(self, pose: Pose) -> bool:
         if self.plan.clearance(pose.x, pose.y) <= KHEPERA.radius + self.margin:
             return True
         gaps = self.infrared.gaps(pose.x, pose.y, pose.heading)[:6]
@@ -67,17 +69,17 @@ class Exhaustive:
             for sensor, gap in enumerate(gaps)
         )
 
-    def after(self, pose, ways):
+    def after(self, pose: Pose, ways: tuple[float, float]) -> Pose | None:
         """The pose after a command; None: it collides on the way."""
         count = ceil(max(ways) / 0.0055)
         for k in range(1, count + 1):
-            counts = tuple(way / PULSE * k / count for way in ways)
-            there = integrate(pose, (0, 0), counts)
+            left, right = (way / PULSE * k / count for way in ways)
+            there = integrate(pose, (0, 0), (left, right))
             if self.collides(there):
                 return None
         return there
 
-    def longest(self, pose, commands):
+    def longest(self, pose: Pose, commands: int) -> int:
         """Length of the longest drive, a layer of poses at a time, none left out."""
         layer = [] if self.collides(pose) else [pose]
         length = 0
@@ -88,7 +90,7 @@ class Exhaustive:
         return length
 
 
-def test_its_commands_are_those_of_the_controller():
+def test_its_commands_are_those_of_the_controller() -> None:
     wheels = Wheels()
     counts = [wheels.counts(command.way, command.turn) for command in COMMANDS]
     assert [(round(left) * PULSE, round(right) * PULSE) for left, right in counts] == list(
@@ -100,7 +102,7 @@ def test_its_commands_are_those_of_the_controller():
 @given(
     x=st.floats(0.05, 0.2), y=st.floats(0.05, 0.16), heading=st.floats(-3.2, 3.2), asked=st.just(7)
 )
-def test_it_agrees_with_exhaustive_search(x, y, heading, asked):
+def test_it_agrees_with_exhaustive_search(x: float, y: float, heading: float, asked: int) -> None:
     pose = Pose(x=x, y=y, heading=heading)
     found = oracle(TIGHT).longest_drive(pose, asked)
     assert found.exact
@@ -108,7 +110,7 @@ def test_it_agrees_with_exhaustive_search(x, y, heading, asked):
 
 
 @pytest.mark.parametrize("name", ["maze", "corridor"])
-def test_it_agrees_with_exhaustive_search_where_the_robot_drives(name):
+def test_it_agrees_with_exhaustive_search_where_the_robot_drives(name: str) -> None:
     made = load_arena(name)
     made_oracle, search = oracle(made), Exhaustive(made)
     lengths = set()
@@ -122,15 +124,14 @@ def test_it_agrees_with_exhaustive_search_where_the_robot_drives(name):
 
 @settings(max_examples=25)
 @given(x=st.floats(0.05, 0.2), y=st.floats(0.05, 0.16), heading=st.floats(-3.2, 3.2))
-def test_the_drive_that_it_tells_is_one(x, y, heading):
+def test_the_drive_that_it_tells_is_one(x: float, y: float, heading: float) -> None:
     search, pose = Exhaustive(TIGHT), Pose(x=x, y=y, heading=heading)
     found = oracle(TIGHT).longest_drive(pose, 40)
     for command in found.commands:
-        pose = search.after(pose, PAPER_COMMANDS[command])
-        assert pose is not None
+        pose = not_none(search.after(pose, PAPER_COMMANDS[command]))
 
 
-def test_narrow_layers_find_true_drives_and_say_that_longer_ones_may_be_there():
+def test_narrow_layers_find_true_drives_and_say_that_longer_ones_may_be_there() -> None:
     made = load_arena("corridor")
     made_oracle, search = oracle(made), Exhaustive(made)
     for start in places(made, 10, seed=3):
@@ -139,16 +140,15 @@ def test_narrow_layers_find_true_drives_and_say_that_longer_ones_may_be_there():
         assert few.length <= many.length
         pose = start
         for command in few.commands:
-            pose = search.after(pose, PAPER_COMMANDS[command])
-            assert pose is not None
+            pose = not_none(search.after(pose, PAPER_COMMANDS[command]))
 
 
-def test_a_whole_circle_is_possible_where_there_is_room():
+def test_a_whole_circle_is_possible_where_there_is_room() -> None:
     found = oracle(load_arena("open-box")).longest_drive(Pose(x=0.2, y=0.1, heading=1.0), 400)
     assert (found.length, found.exact) == (400, True)
 
 
-def test_nothing_is_possible_before_a_wall_and_little_in_a_corner():
+def test_nothing_is_possible_before_a_wall_and_little_in_a_corner() -> None:
     made_oracle = oracle(load_arena("open-box"))
     before = made_oracle.longest_drive(Pose(x=0.455, y=0.0, heading=0.0), 40)
     assert (before.commands, before.exact) == ((), True)
@@ -157,12 +157,12 @@ def test_nothing_is_possible_before_a_wall_and_little_in_a_corner():
     assert 0 < corner.length < 6
 
 
-def test_no_command_asked_for_none_found():
+def test_no_command_asked_for_none_found() -> None:
     found = oracle(load_arena("open-box")).longest_drive(Pose(x=0.0, y=0.0, heading=0.0), 0)
     assert (found.length, found.exact) == (0, True)
 
 
-def test_it_is_asked_with_the_outline_that_travels():
+def test_it_is_asked_with_the_outline_that_travels() -> None:
     made = load_arena("lamp-room")
     drawing = outline(made, KHEPERA)
     received = Outline.model_validate_json(drawing.model_dump_json())
@@ -170,7 +170,7 @@ def test_it_is_asked_with_the_outline_that_travels():
         assert Oracle(received).longest_drive(pose, 40) == Oracle(drawing).longest_drive(pose, 40)
 
 
-def test_robots_differ_and_a_robot_that_is_unknown_is_told():
+def test_robots_differ_and_a_robot_that_is_unknown_is_told() -> None:
     # a wall 33 mm behind the middle: the wider robot stands in it
     made = arena(wall=[{"points": [[-0.038, -1.0], [-0.038, 1.0]]}])
     start = Pose(x=0.0, y=0.0, heading=0.0)
@@ -181,26 +181,26 @@ def test_robots_differ_and_a_robot_that_is_unknown_is_told():
         Oracle(drawing)
 
 
-def test_things_stand_still_for_it():
+def test_things_stand_still_for_it() -> None:
     made = load_arena("toys")
     straight = Oracle(outline(made, KHEPERA), (PAPER_COMMANDS[STRAIGHT],))
     assert straight.longest_drive(pose_of(made.start), 40).length < 12  # the box in the middle
 
 
 @pytest.mark.parametrize("name", ["corridor", "maze", "lamp-room"])
-def test_the_drives_that_it_finds_are_driven_without_a_collision(name):
+def test_the_drives_that_it_finds_are_driven_without_a_collision(name: str) -> None:
     with open_hardware(f"khepera://{name}?drift=none") as hardware:
-        made_oracle, driver = Oracle(hardware.bench.outline()), Driver(hardware.robot)
+        made_oracle, driver = Oracle(not_none(hardware.bench).outline()), Driver(hardware.robot)
         for seed in range(3):
-            start = hardware.bench.reset(Reset(random=seed > 0, seed=seed)).pose
+            start = not_none(hardware.bench).reset(Reset(random=seed > 0, seed=seed)).pose
             found = made_oracle.longest_drive(start, 40)
             driver.start()
             outcomes = [driver.execute(COMMANDS[command]) for command in found.commands]
             assert not any(outcome.collided for outcome in outcomes)
-            assert not hardware.bench.truth().touched
+            assert not not_none(hardware.bench).truth().touched
 
 
-def test_no_drive_is_longer():
+def test_no_drive_is_longer() -> None:
     # a little nearer to the walls than where sensors are saturated: who drives there has collided
     made = load_arena("maze")
     made_oracle = oracle(made, margin=-MARGIN)
@@ -211,20 +211,20 @@ def test_no_drive_is_longer():
         driver = Driver(hardware.robot)
         for pose, length in doomed[:4]:
             for commands in product(COMMANDS, repeat=length + 1):
-                hardware.bench.reset(Reset(pose=pose))
+                not_none(hardware.bench).reset(Reset(pose=pose))
                 driver.start()
                 assert any(driver.execute(command).collided for command in commands)
 
 
-def test_wheels_that_differ_are_accounted_for():
+def test_wheels_that_differ_are_accounted_for() -> None:
     port = "khepera://s-curve?seed=3&drift=scale=0.02,base=0.04"
     with open_hardware(port) as hardware:
-        drift = hardware.bench.truth().drift
+        drift = not_none(hardware.bench).truth().drift
         assert abs(drift.left_scale - drift.right_scale) > 0.005
-        drawing, driver = hardware.bench.outline(), Driver(hardware.robot)
+        drawing, driver = not_none(hardware.bench).outline(), Driver(hardware.robot)
         collided = []
         for known in (drift, None):
-            start = hardware.bench.reset(Reset(seed=1)).pose
+            start = not_none(hardware.bench).reset(Reset(seed=1)).pose
             found = Oracle(drawing, drift=known).longest_drive(start, 40)
             assert found.length == 40
             driver.start()
@@ -232,7 +232,7 @@ def test_wheels_that_differ_are_accounted_for():
         assert collided == [False, True]
 
 
-def test_wheels_as_they_should_be_are_no_drift():
+def test_wheels_as_they_should_be_are_no_drift() -> None:
     ideal = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=WHEEL_BASE, slip=0.0)
     made = load_arena("maze")
     for pose in places(made, 3):

@@ -7,9 +7,11 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from as_type import not_none
 from emulator_process import PATIENCE
 from packaging.requirements import Requirement
 
@@ -51,7 +53,7 @@ MAY_FAIL = {
 }
 
 
-def without_extras(code, *arguments):
+def without_extras(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run Python code where nothing can be imported that only an extra brings."""
     block = f"import sys; sys.modules.update(dict.fromkeys({list(NEEDS)}));"
     return subprocess.run(
@@ -63,14 +65,14 @@ def without_extras(code, *arguments):
     )
 
 
-def modules(package):
+def modules(package: str) -> Iterator[str]:
     for file in sorted((ROOT / package).rglob("*.py")):
         parts = file.relative_to(ROOT).with_suffix("").parts
         if parts[-1] != "__main__":
             yield ".".join(part for part in parts if part != "__init__")
 
 
-def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
+def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.mkdir()
     for file in ("pyproject.toml", "README.md", "LICENSE"):
@@ -84,31 +86,33 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path):
         if file.is_file()
     }
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"]
-    command += ["--no-build-isolation", "--wheel-dir", tmp_path, source]
+    command += ["--no-build-isolation", "--wheel-dir", str(tmp_path), str(source)]
     subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     assert files <= set(zipfile.ZipFile(wheel).namelist())
 
 
-def test_every_extra_is_tried_without():
+def test_every_extra_is_tried_without() -> None:
     for_developers = {"benchmarks", "build", "lint", "test"}
     assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
 
 
 @pytest.mark.parametrize("python", ["3.11", "3.12", "3.13", "3.14"])
-def test_every_python_gets_one_pybullet(python):
+def test_every_python_gets_one_pybullet(python: str) -> None:
     wanted = [Requirement(line) for line in PROJECT["optional-dependencies"]["emulator"]]
-    found = [each.name for each in wanted if each.marker.evaluate({"python_version": python})]
+    found = [
+        each.name for each in wanted if not_none(each.marker).evaluate({"python_version": python})
+    ]
     assert found == ["pybullet-arm64" if python in ("3.12", "3.13") else "pybullet"]
 
 
-def test_every_extra_is_documented():
+def test_every_extra_is_documented() -> None:
     page = (ROOT / "docs" / "install.md").read_text("utf-8")
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
     assert documented == set(PROJECT["optional-dependencies"]) - {"build", "lint", "test"}
 
 
-def test_the_controller_is_importable_without_any_extra():
+def test_the_controller_is_importable_without_any_extra() -> None:
     code = f"""
 import importlib, json
 failed = {{}}
@@ -127,7 +131,7 @@ print(json.dumps(failed))
 
 
 @pytest.mark.parametrize("program", ["macor_hil.cli", "khepera_emulator.app.cli"])
-def test_the_command_lines_help_without_any_extra(program):
+def test_the_command_lines_help_without_any_extra(program: str) -> None:
     done = without_extras(f"from {program} import app; app()", "--help")
     assert done.returncode == 0, done.stderr
     assert "Usage" in done.stdout
@@ -146,7 +150,9 @@ def test_the_command_lines_help_without_any_extra(program):
         ("macor_hil.cli", ["reproduce", "figure2"], "experiments"),
     ],
 )
-def test_a_missing_extra_is_named(program, arguments, extra, tmp_path):
+def test_a_missing_extra_is_named(
+    program: str, arguments: list[str], extra: str, tmp_path: Path
+) -> None:
     file = str(tmp_path / "file")
     arguments = [each.replace("FILE", file) for each in arguments]
     done = without_extras(f"from {program} import main; main()", *arguments)

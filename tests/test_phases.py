@@ -12,7 +12,7 @@ from macor_hil.monitor.terminal_view import render
 
 
 @pytest.mark.parametrize("phase", list(Phase))
-def test_the_monitor_shows_every_phase(phase):
+def test_the_monitor_shows_every_phase(phase: Phase) -> None:
     controlled = Controlled(alive=True, met=True, state=a_state(phase))
     watched = RobotState("khepera", controlled=controlled)
     said = StringIO()

@@ -54,7 +54,7 @@ def test_evaluations_follow_equations_5_and_6() -> None:
     memory = memory_of((0, 2, 0.5), (2, 4, 0.7))
     found = plan(Anticipative(), memory, 0)
     w = 0.95
-    assert found.evaluations == (pytest.approx(0.5 * w + 0.7 * w * w), None)
+    assert found.evaluations == pytest.approx((0.5 * w + 0.7 * w * w, None))
     assert found.steps == 2
 
 
@@ -69,7 +69,7 @@ def test_a_neuron_hangs_on_the_predecessor_of_its_greatest_activity() -> None:
 def test_a_transition_back_to_the_start_is_worth_itself() -> None:
     memory = memory_of((0, 0, 0.7), (0, 3, 0.5))
     found = plan(Reactive(), memory, 0)
-    assert found.evaluations == (pytest.approx(0.7 * 0.95), pytest.approx(0.5 * 0.95))
+    assert found.evaluations == pytest.approx((0.7 * 0.95, 0.5 * 0.95))
 
 
 def test_each_first_transition_is_a_hypothesis_with_its_best_continuation() -> None:
@@ -147,7 +147,7 @@ def test_expected_value_weighs_outcomes_by_their_counts() -> None:
     for i, r in ((2, 0.6), (2, 0.6), (3, 0.9), (5, 0.0), (5, 0.0), (5, 0.0)):
         memory.adapt(0, i, r)
     found = plan(Expected(), memory, 0)
-    assert found.evaluations == (pytest.approx(0.6), pytest.approx(0.225))
+    assert found.evaluations == pytest.approx((0.6, 0.225))
     assert found.command == 0
     # the paper's planner looks at the best outcome of each
     assert found.sequence == (2,)

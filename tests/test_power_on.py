@@ -1,12 +1,16 @@
 """Resets: they leave nothing of the robot's past."""
 
+from collections.abc import Iterator, Sequence
+from typing import Any
+
 import pytest
-import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from in_process import open_robot
 from khepera_protocol.zenoh.payloads import Reset
 
 import khepera_emulator  # noqa: F401 - registers khepera://
+from khepera_emulator.ports.protocol_khepera import Serial
 
 URL = "khepera://open-box?seed=7&turret=gripper&turret=k213&turret=radio&turret=general-io"
 VERSION = b"b,5.01,5.00\r\n"
@@ -26,11 +30,11 @@ steps = st.one_of(
 )
 
 
-def opened(baud):
-    return serial.serial_for_url(f"{URL}&baud={baud}", timeout=0.3, stopbits=2)
+def opened(baud: str) -> Serial:
+    return open_robot(f"{URL}&baud={baud}", timeout=0.3, stopbits=2)
 
 
-def answers(port):
+def answers(port: Serial) -> list[bytes]:
     """Return the robot's replies to everything that can be asked."""
     said = []
     for request in BATTERY:
@@ -44,7 +48,7 @@ def answers(port):
     return said
 
 
-def live(port, past):
+def live(port: Serial, past: Sequence[bytes | float]) -> None:
     for step in past:
         if isinstance(step, bytes):
             port.write(step)
@@ -54,21 +58,21 @@ def live(port, past):
     port.timeout = 0.3
 
 
-def state(port):
+def state(port: Serial) -> tuple[Any, ...]:
     """Return what power-on sets, where the protocol does not show it."""
     robot = port.emulator.robot
     return robot.wheels, robot.panel, port.emulator.uart.baud, port.emulator.truth().speed
 
 
 @pytest.mark.parametrize("baud", ["9600", "unpaced"])
-def test_a_seeded_reset_has_no_past_whatever_it_was(baud):
+def test_a_seeded_reset_has_no_past_whatever_it_was(baud: str) -> None:
     with opened(baud) as fresh:
         fresh.emulator.reset(Reset(seed=3))
         expected = state(fresh), answers(fresh)
 
     @settings(max_examples=20)
     @given(st.lists(steps, max_size=8))
-    def check(past):
+    def check(past: Sequence[bytes | float]) -> None:
         with opened(baud) as port:
             live(port, past)
             port.emulator.reset(Reset(seed=3))
@@ -78,14 +82,14 @@ def test_a_seeded_reset_has_no_past_whatever_it_was(baud):
 
 
 @pytest.mark.parametrize("baud", ["9600", "unpaced"])
-def test_a_reset_without_a_seed_powers_on_as_well(baud):
+def test_a_reset_without_a_seed_powers_on_as_well(baud: str) -> None:
     with opened(baud) as fresh:
         fresh.emulator.reset(Reset())
         expected = state(fresh)
 
     @settings(max_examples=60)
     @given(st.lists(steps, max_size=8))
-    def check(past):
+    def check(past: Sequence[bytes | float]) -> None:
         with opened(baud) as port:
             live(port, past)
             port.emulator.reset(Reset())
@@ -98,7 +102,7 @@ def test_a_reset_without_a_seed_powers_on_as_well(baud):
 
 
 @pytest.mark.parametrize("seed", [None, 3])
-def test_the_loader_does_not_outlive_a_reset(seed):
+def test_the_loader_does_not_outlive_a_reset(seed: int | None) -> None:
     with opened("unpaced") as port:
         port.write(b"run sloader\nS00600004844521B\n")
         port.read(1000)
@@ -111,7 +115,7 @@ class TestRate:
     """A rate that the tool `serial` sets holds until power-on."""
 
     @pytest.fixture
-    def port(self):
+    def port(self) -> Iterator[Serial]:
         with opened("9600") as port:
             port.write(b"serial 38400\n")
             assert b"38400" in port.read(1000)
@@ -123,26 +127,28 @@ class TestRate:
             yield port
 
     @pytest.mark.parametrize("seed", [None, 3])
-    def test_does_not_outlive_a_reset(self, port, seed):
+    def test_does_not_outlive_a_reset(self, port: Serial, seed: int | None) -> None:
         port.emulator.reset(Reset(seed=seed))
         port.baudrate = 9600
         port.write(b"B\n")
         assert port.read(1000) == VERSION
 
-    def test_does_not_outlive_restart_whose_banner_comes_at_the_jumpers_rate(self, port):
+    def test_does_not_outlive_restart_whose_banner_comes_at_the_jumpers_rate(
+        self, port: Serial
+    ) -> None:
         port.write(b"restart\n")
         port.baudrate = 9600
         assert b"ROM of minirobot KHEPERA" in port.read(1000)
         port.write(b"B\n")
         assert port.read(1000) == VERSION
 
-    def test_of_a_line_that_takes_no_time_is_none(self):
+    def test_of_a_line_that_takes_no_time_is_none(self) -> None:
         with opened("unpaced") as port:
             port.write(b"serial 38400\n")
             assert b"38400" in port.readline()
             assert port.emulator.uart.baud is None
 
-    def test_follows_the_client_where_it_leads(self):
+    def test_follows_the_client_where_it_leads(self) -> None:
         with opened("auto") as port:
             port.write(b"serial 38400\n")
             assert b"38400" in port.read(1000)

@@ -1,8 +1,11 @@
 """Requests and replies against the worked examples of the protocol's specification."""
 
+from collections.abc import Callable
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
 from khepera_protocol.serial.commands import COMMANDS, Beyond
 from khepera_protocol.serial.errors import ReplyError, RequestError
 from khepera_protocol.serial.messages import (
@@ -50,7 +53,9 @@ EXAMPLES = [
 
 
 @pytest.mark.parametrize(("letter", "arguments", "sent", "values", "received"), EXAMPLES)
-def test_worked_example(letter, arguments, sent, values, received):
+def test_worked_example(
+    letter: str, arguments: tuple[int, ...], sent: str, values: tuple[int, ...], received: str
+) -> None:
     request = build_request(letter, *arguments)
     reply = Reply(letter.lower(), values)
     assert request.encode() == bytes.fromhex(sent)
@@ -59,7 +64,7 @@ def test_worked_example(letter, arguments, sent, values, received):
     assert parse_reply(request, bytes.fromhex(received)[:-2]) == reply
 
 
-def test_worked_example_of_versions():
+def test_worked_example_of_versions() -> None:
     request = build_request("B")
     reply = Reply("b", text=("5.01", "5.00"))
     assert request.encode() == bytes.fromhex("42 0A")
@@ -67,7 +72,7 @@ def test_worked_example_of_versions():
     assert parse_reply(request, b"b,5.01,5.00") == reply
 
 
-def test_worked_example_of_a_turret():
+def test_worked_example_of_a_turret() -> None:
     request = build_request("T", 1, rest=("B",))
     assert request.encode() == bytes.fromhex("54 2C 31 2C 42 0A")
     assert parse_request(b"T,1,B") == request
@@ -76,7 +81,7 @@ def test_worked_example_of_a_turret():
     assert reply.encode() == bytes.fromhex("74 2C 31 2C 62 2C 31 2C 30 0D 0A")
 
 
-def test_the_examples_cover_every_command():
+def test_the_examples_cover_every_command() -> None:
     assert {letter for letter, *_ in EXAMPLES} | {"B", "T"} == set(COMMANDS)
     assert sorted(COMMANDS) == list("ABCDEFGHIJKLNOPRTW")
 
@@ -115,7 +120,7 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize(("line", "answer"), REFUSALS)
-def test_refused_request(line, answer):
+def test_refused_request(line: bytes, answer: str) -> None:
     with pytest.raises(RequestError) as caught:
         parse_request(line)
     assert caught.value.reply == answer
@@ -137,18 +142,18 @@ def test_refused_request(line, answer):
         (b"H ", "H", ()),
     ],
 )
-def test_tolerated_request(line, letter, arguments):
+def test_tolerated_request(line: bytes, letter: str, arguments: tuple[int, ...]) -> None:
     assert parse_request(line) == Request(letter, arguments)
 
 
-def test_clamping_can_be_switched_off():
+def test_clamping_can_be_switched_off() -> None:
     with pytest.raises(RequestError) as caught:
         parse_request(b"D,128,0", reject_beyond=True)
     assert caught.value.reply == "z,Protocol error"
     assert parse_request(b"D,127,0", reject_beyond=True) == Request("D", (127, 0))
 
 
-def test_tools_take_words_separated_by_blanks():
+def test_tools_take_words_separated_by_blanks() -> None:
     assert parse_request(b"run sloader now") == ToolCall("run", ("sloader", "now"))
     assert parse_request(b"restart") == ToolCall("restart")
 
@@ -157,7 +162,7 @@ def test_tools_take_words_separated_by_blanks():
     ("letter", "arguments"),
     [("M", ()), ("D", (1,)), ("D", (1, 2, 3)), ("D", (128, 0)), ("L", (2, 0)), ("H", (1,))],
 )
-def test_a_client_cannot_build_a_wrong_request(letter, arguments):
+def test_a_client_cannot_build_a_wrong_request(letter: str, arguments: tuple[int, ...]) -> None:
     with pytest.raises(RequestError):
         build_request(letter, *arguments)
 
@@ -179,7 +184,7 @@ def test_a_client_cannot_build_a_wrong_request(letter, arguments):
         ("B", b"b,5,5", "versions"),
     ],
 )
-def test_wrong_reply(letter, line, reason):
+def test_wrong_reply(letter: str, line: bytes, reason: str) -> None:
     with pytest.raises(ReplyError, match=reason) as caught:
         parse_reply(build_request(letter), line) if letter != "D" else parse_reply(
             build_request("D", 1, 1), line
@@ -188,16 +193,16 @@ def test_wrong_reply(letter, line, reason):
     assert caught.value.request.startswith(letter.encode())
 
 
-def test_a_reply_of_another_turret_is_refused():
+def test_a_reply_of_another_turret_is_refused() -> None:
     with pytest.raises(ReplyError, match="another turret"):
         parse_reply(build_request("T", 1, rest=("B",)), b"t,2,b,1,0")
 
 
 @st.composite
-def requests(draw):
+def requests(draw: st.DrawFn) -> Request:
     command = COMMANDS[draw(st.sampled_from(sorted(COMMANDS)))]
     numbers = tuple(draw(st.integers(field.low, field.high)) for field in command.request)
-    rest = ()
+    rest: tuple[str, ...] = ()
     if command.open_ended:
         word = st.text("ABCDEFGH0123456789", min_size=1, max_size=5)
         rest = tuple(draw(st.lists(word, min_size=1, max_size=4)))
@@ -205,12 +210,12 @@ def requests(draw):
 
 
 @given(requests())
-def test_requests_survive_the_line(request):
+def test_requests_survive_the_line(request: Request) -> None:
     assert parse_request(request.encode().removesuffix(b"\n")) == request
 
 
 @given(requests(), st.data())
-def test_replies_survive_the_line(request, data):
+def test_replies_survive_the_line(request: Request, data: DataObject) -> None:
     command = request.command
     if command.open_ended:
         reply = Reply("t", request.arguments, ("b", "1"))
@@ -223,7 +228,7 @@ def test_replies_survive_the_line(request, data):
 
 
 @given(requests(), st.binary() | st.text("hnzkb,0123456789-. \r").map(str.encode))
-def test_garbage_is_a_reply_or_a_reply_error(request, line):
+def test_garbage_is_a_reply_or_a_reply_error(request: Request, line: bytes) -> None:
     try:
         reply = parse_reply(request, line)
     except ReplyError:
@@ -232,7 +237,7 @@ def test_garbage_is_a_reply_or_a_reply_error(request, line):
 
 
 @given(requests(), st.data())
-def test_the_short_way_to_read_a_reply_is_the_table_s(request, data):
+def test_the_short_way_to_read_a_reply_is_the_table_s(request: Request, data: DataObject) -> None:
     """Good replies, and ones with a character changed."""
     command = request.command
     words = [str(data.draw(st.integers(field.low, field.high))) for field in command.reply]
@@ -243,7 +248,9 @@ def test_the_short_way_to_read_a_reply_is_the_table_s(request, data):
         assert _outcome(parse_reply, request, line) == _outcome(_parse_by_table, request, line)
 
 
-def _outcome(parse, request, line):
+def _outcome(
+    parse: Callable[[Request, bytes], Reply], request: Request, line: bytes
+) -> Reply | str:
     try:
         return parse(request, line)
     except ReplyError as error:
@@ -251,7 +258,9 @@ def _outcome(parse, request, line):
 
 
 @given(requests().filter(lambda request: request.arguments and request.letter != "T"), st.data())
-def test_numbers_out_of_range_are_clamped_or_refused_as_the_table_says(request, data):
+def test_numbers_out_of_range_are_clamped_or_refused_as_the_table_says(
+    request: Request, data: DataObject
+) -> None:
     place = data.draw(st.integers(0, len(request.arguments) - 1))
     field = request.command.request[place]
     beyond = data.draw(st.integers(field.high + 1, 9_999_999_999))
@@ -266,5 +275,5 @@ def test_numbers_out_of_range_are_clamped_or_refused_as_the_table_says(request, 
         assert parse_request(line).arguments[place] == field.high
 
 
-def test_a_line_ends_with_cr_lf():
+def test_a_line_ends_with_cr_lf() -> None:
     assert encode_line("d") == b"d\r\n"

@@ -6,11 +6,14 @@ import select
 import struct
 import termios
 import tty
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
+from as_type import not_none
 from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 from unprivileged import as_nobody, enter_from_outside
 
@@ -19,19 +22,20 @@ from khepera_emulator.line.coding import LineFormat
 from khepera_emulator.ports.inotify import CLOSED_WRITABLE
 from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.pty import PtyPort
+from khepera_emulator.ports.terminal import Terminal
 
 MUCH = 4096
 
 
 @pytest.fixture
-def port():
+def port() -> Iterator[PtyPort]:
     port = PtyPort()
     yield port
     port.close()
 
 
 @contextmanager
-def client(port, flags=os.O_RDWR):
+def client(port: PtyPort, flags: int = os.O_RDWR) -> Iterator[int]:
     terminal = os.open(port.url, flags | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         yield terminal
@@ -39,7 +43,7 @@ def client(port, flags=os.O_RDWR):
         os.close(terminal)
 
 
-def unread(terminal):
+def unread(terminal: int) -> bytes:
     data = b""
     with suppress(BlockingIOError):
         while more := os.read(terminal, 1 << 16):
@@ -47,7 +51,7 @@ def unread(terminal):
     return data
 
 
-def received(port, limit=MUCH):
+def received(port: PtyPort, limit: int = MUCH) -> list[bytes]:
     """All that clients have done by now."""
     chunks = []
     while more := port.receive(limit):
@@ -56,7 +60,7 @@ def received(port, limit=MUCH):
 
 
 class TestBytes:
-    def test_pass_unchanged_in_both_directions(self, port):
+    def test_pass_unchanged_in_both_directions(self, port: PtyPort) -> None:
         every_byte = bytes(range(256))
         with client(port) as terminal:
             os.write(terminal, every_byte)
@@ -64,14 +68,14 @@ class TestBytes:
             port.write(every_byte)
             assert unread(terminal) == every_byte
 
-    def test_beyond_the_limit_stay_with_the_client(self, port):
+    def test_beyond_the_limit_stay_with_the_client(self, port: PtyPort) -> None:
         with client(port) as terminal:
             os.write(terminal, b"abcdef")
             assert port.receive(0) == []
             assert port.receive(4) == [b"abcd"]
             assert port.receive(4) == [b"ef"]
 
-    def test_that_nobody_reads_are_dropped_and_counted(self, port):
+    def test_that_nobody_reads_are_dropped_and_counted(self, port: PtyPort) -> None:
         with client(port) as terminal:
             assert port.receive(MUCH) == []
             for _ in range(1000):
@@ -84,7 +88,7 @@ class TestBytes:
             port.write(b"fresh")
             assert unread(terminal) == b"fresh"
 
-    def test_that_nobody_listens_to_are_lost(self, port):
+    def test_that_nobody_listens_to_are_lost(self, port: PtyPort) -> None:
         for before in (b"", b"N\n"):
             with client(port) as terminal:
                 os.write(terminal, before)
@@ -97,31 +101,31 @@ class TestBytes:
                 assert unread(terminal) == b"fresh"
         assert port.dropped == 0
 
-    def test_nothing_happens_without_a_client(self, port):
+    def test_nothing_happens_without_a_client(self, port: PtyPort) -> None:
         assert port.receive(MUCH) == []
         assert port.receive(MUCH) == []
 
 
 class TestClients:
-    def test_leave_after_their_last_byte(self, port):
+    def test_leave_after_their_last_byte(self, port: PtyPort) -> None:
         with client(port) as terminal:
             os.write(terminal, b"N\n")
         assert received(port) == [b"N\n", b""]
 
-    def test_leave_after_the_bytes_that_the_limit_keeps_back(self, port):
+    def test_leave_after_the_bytes_that_the_limit_keeps_back(self, port: PtyPort) -> None:
         with client(port) as terminal:
             os.write(terminal, b"abcdef")
             assert port.receive(2) == [b"ab"]
             assert port.receive(0) == []
         assert received(port, 2) == [b"cdef", b""]
 
-    def test_that_only_look_in_do_nothing(self, port):
+    def test_that_only_look_in_do_nothing(self, port: PtyPort) -> None:
         for flags in (os.O_RDONLY, os.O_RDWR):
             with client(port, flags):
                 assert received(port) == []
             assert received(port) == []
 
-    def test_have_not_left_while_another_is_there(self, port):
+    def test_have_not_left_while_another_is_there(self, port: PtyPort) -> None:
         with client(port) as reader:
             for request in (b"N\n", b"O\n"):
                 with client(port) as writer:
@@ -136,7 +140,7 @@ class TestClients:
         assert received(port) == [b""]
 
     @pytest.mark.parametrize("stale", [10, 100_000])
-    def test_that_follow_each_other_unseen_are_told_apart(self, port, stale):
+    def test_that_follow_each_other_unseen_are_told_apart(self, port: PtyPort, stale: int) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
@@ -149,7 +153,7 @@ class TestClients:
             assert unread(second) == b""
         assert received(port) == [b""]
 
-    def test_that_write_nothing_hide_none_who_wrote_before(self, port):
+    def test_that_write_nothing_hide_none_who_wrote_before(self, port: PtyPort) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
         with client(port):
@@ -158,7 +162,7 @@ class TestClients:
             os.write(third, b"B\n")
             assert received(port) == [b"N\n", b"", b"B\n"]
 
-    def test_that_read_already_are_not_left_with_half_a_line(self, port):
+    def test_that_read_already_are_not_left_with_half_a_line(self, port: PtyPort) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
@@ -171,13 +175,15 @@ class TestClients:
             assert unread(second) == b"1\r\nn,2\r\nb\r\n"
 
     @pytest.mark.parametrize("late", [b"", b"O\n"])
-    def test_that_write_while_somebody_looks_have_written_it(self, port, monkeypatch, late):
+    def test_that_write_while_somebody_looks_have_written_it(
+        self, port: PtyPort, monkeypatch: pytest.MonkeyPatch, late: bytes
+    ) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
             take = port._terminal.events
 
-            def take_late():
+            def take_late() -> tuple[int, ...]:
                 monkeypatch.setattr(port._terminal, "events", take)
                 os.write(first, late)
                 return take()
@@ -189,7 +195,9 @@ class TestClients:
             os.write(second, b"B\nK\n")
             assert received(port) == [b"", b"B\nK\n"]
 
-    def test_that_come_or_leave_are_known_before_anybody_writes_to_them(self, port):
+    def test_that_come_or_leave_are_known_before_anybody_writes_to_them(
+        self, port: PtyPort
+    ) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
@@ -203,7 +211,9 @@ class TestClients:
             assert received(port) == [b"O\n", b"", b"B\n"]
             assert not port.changed()
 
-    def test_that_have_not_written_yet_get_none_of_their_predecessors_bytes(self, port):
+    def test_that_have_not_written_yet_get_none_of_their_predecessors_bytes(
+        self, port: PtyPort
+    ) -> None:
         for _ in range(2):
             with client(port) as first:
                 os.write(first, b"N\nO\n")
@@ -214,7 +224,7 @@ class TestClients:
             assert received(port) == [b""]
 
     @pytest.mark.parametrize("size", [10, 100_000])
-    def test_find_no_stale_bytes(self, port, size):
+    def test_find_no_stale_bytes(self, port: PtyPort, size: int) -> None:
         with client(port) as terminal:
             os.write(terminal, b"N\n")
             assert received(port) == [b"N\n"]
@@ -228,7 +238,9 @@ class TestClients:
             port.write(b"fresh")
             assert unread(terminal) == b"fresh"
 
-    def test_that_write_and_leave_are_logged(self, port, caplog):
+    def test_that_write_and_leave_are_logged(
+        self, port: PtyPort, caplog: pytest.LogCaptureFixture
+    ) -> None:
         caplog.set_level("INFO")
         for _ in range(2):
             with client(port) as terminal:
@@ -242,7 +254,7 @@ class TestClients:
         said = [record.getMessage() for record in caplog.records]
         assert said == [f"{port.url}: a client writes", f"{port.url}: it has left"] * 2
 
-    def test_may_come_and_go_often(self, port):
+    def test_may_come_and_go_often(self, port: PtyPort) -> None:
         for turn in range(100):
             with client(port) as terminal:
                 os.write(terminal, b"%d\n" % turn)
@@ -253,7 +265,7 @@ class TestClientsThatComeJustThen:
     """Do what another process can do between two steps of ours."""
 
     @pytest.fixture
-    def first(self, port):
+    def first(self, port: PtyPort) -> int:
         """A client that has written and was heard, to be closed by the test."""
         terminal = os.open(port.url, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         os.write(terminal, b"N\n")
@@ -261,12 +273,12 @@ class TestClientsThatComeJustThen:
         return terminal
 
     @pytest.fixture
-    def second(self, port):
+    def second(self, port: PtyPort) -> Iterator[Callable[..., int]]:
         """Opens the terminal and writes, when it is called first."""
         with ExitStack() as stack:
-            opened = []
+            opened: list[int] = []
 
-            def come():
+            def come() -> int:
                 if not opened:
                     opened.append(stack.enter_context(client(port)))
                     os.write(opened[0], b"B\n")
@@ -275,22 +287,26 @@ class TestClientsThatComeJustThen:
             yield come
 
     @staticmethod
-    def before(monkeypatch, owner, name, act):
+    def before(
+        monkeypatch: pytest.MonkeyPatch, owner: Terminal, name: str, act: Callable[[], object]
+    ) -> None:
         """Let something happen just before every call of a function."""
         function = getattr(owner, name)
 
-        def disturbed(*arguments):
+        def disturbed(*arguments: Any) -> Any:
             act()
             return function(*arguments)
 
         monkeypatch.setattr(owner, name, disturbed)
 
     @staticmethod
-    def is_answered(port, terminal):
+    def is_answered(port: PtyPort, terminal: int) -> bool:
         port.write(b"b\r\n")
         return unread(terminal) == b"b\r\n"
 
-    def test_when_the_last_one_is_about_to_hang_up(self, port, first, second, monkeypatch):
+    def test_when_the_last_one_is_about_to_hang_up(
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         # the event of a closing comes a little before the hang-up
         events = port._terminal.events
         early, leaving = [CLOSED_WRITABLE], [first]
@@ -298,7 +314,7 @@ class TestClientsThatComeJustThen:
             port._terminal, "events", lambda: (*events(), *(early.pop() for _ in early[:1]))
         )
 
-        def leave_and_come():
+        def leave_and_come() -> None:
             if leaving:
                 os.close(leaving.pop())
             second()
@@ -307,7 +323,9 @@ class TestClientsThatComeJustThen:
         assert port.receive(MUCH) == [b"", b"B\n"]
         assert self.is_answered(port, second())
 
-    def test_when_one_has_come_written_and_left_at_once(self, port, second, monkeypatch):
+    def test_when_one_has_come_written_and_left_at_once(
+        self, port: PtyPort, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         with client(port) as quick:
             os.write(quick, b"N\n")
         self.before(monkeypatch, port._terminal, "let_go", second)
@@ -315,8 +333,8 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     def test_when_the_event_of_a_writing_was_ahead_of_its_bytes(
-        self, port, first, second, monkeypatch
-    ):
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         read, late = port._terminal.read, [b""]
         monkeypatch.setattr(
             port._terminal, "read", lambda limit: late.pop() if late else read(limit)
@@ -328,8 +346,10 @@ class TestClientsThatComeJustThen:
         assert port.receive(MUCH) == [b"", b"B\n"]
         assert self.is_answered(port, second())
 
-    def test_when_something_is_being_said_to_the_last_one(self, port, first, second, monkeypatch):
-        def leave_and_come():
+    def test_when_something_is_being_said_to_the_last_one(
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def leave_and_come() -> None:
             os.close(first)
             second()
 
@@ -339,14 +359,18 @@ class TestClientsThatComeJustThen:
         assert port.receive(MUCH) == [b"", b"B\n"]
         assert self.is_answered(port, second())
 
-    def test_when_the_last_one_is_found_to_have_left(self, port, first, second, monkeypatch):
+    def test_when_the_last_one_is_found_to_have_left(
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         os.write(first, b"O\n")
         os.close(first)
         self.before(monkeypatch, port._terminal, "read_all", second)
         assert port.receive(1) == [b"O\n", b"", b"B\n"]
         assert self.is_answered(port, second())
 
-    def test_when_nothing_is_left_of_the_last_one(self, port, first, second, monkeypatch):
+    def test_when_nothing_is_left_of_the_last_one(
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         os.close(first)
         self.before(monkeypatch, port._terminal, "hold", second)
         assert port.receive(MUCH) == [b""]
@@ -354,11 +378,18 @@ class TestClientsThatComeJustThen:
         assert self.is_answered(port, second())
 
     @pytest.mark.parametrize("step", ["hold", "open"])
-    def test_when_another_has_been_there_in_between(self, port, first, second, monkeypatch, step):
+    def test_when_another_has_been_there_in_between(
+        self,
+        port: PtyPort,
+        first: int,
+        second: Callable[..., int],
+        monkeypatch: pytest.MonkeyPatch,
+        step: str,
+    ) -> None:
         os.close(first)
         others = [b"O\n"]
 
-        def come_one_by_one():
+        def come_one_by_one() -> None:
             if others:
                 with client(port) as another:
                     os.write(another, others.pop())
@@ -366,7 +397,7 @@ class TestClientsThatComeJustThen:
 
         opening = os.open
 
-        def open_late(name, *flags):
+        def open_late(name: str, *flags: int) -> int:
             monkeypatch.setattr(os, "open", opening)
             come_one_by_one()
             return opening(name, *flags)
@@ -379,18 +410,20 @@ class TestClientsThatComeJustThen:
         assert port.receive(MUCH) == [b"O\n", b"", b"B\n"]
         assert self.is_answered(port, second())
 
-    def test_when_the_terminal_is_being_opened(self, port, first, second, monkeypatch):
+    def test_when_the_terminal_is_being_opened(
+        self, port: PtyPort, first: int, second: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         os.close(first)
         path = port.url
         openings = os.open
 
-        def open_both(name, *flags):
+        def open_both(name: str, *flags: int) -> int:
             if name == path and len(waits) == 0:
                 waits.append(None)
                 second()
             return openings(name, *flags)
 
-        waits = []
+        waits: list[None] = []
         monkeypatch.setattr(os, "open", open_both)
         assert port.receive(MUCH) == [b""]
         assert waits
@@ -399,13 +432,15 @@ class TestClientsThatComeJustThen:
         assert port.receive(MUCH) == [b"B\n"]
         assert self.is_answered(port, second())
 
-    def test_again_and_again(self, port, first, monkeypatch):
+    def test_again_and_again(
+        self, port: PtyPort, first: int, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         os.write(first, b"O\n")
         os.close(first)
         left = [b"X\n", b"Y\n"]
         with client(port) as last:
 
-            def come_and_go():
+            def come_and_go() -> None:
                 if left:
                     with client(port) as another:
                         os.write(another, left.pop(0))
@@ -419,7 +454,7 @@ class TestClientsThatComeJustThen:
 
 
 class TestSettings:
-    def test_begin_raw_at_9600(self, port):
+    def test_begin_raw_at_9600(self, port: PtyPort) -> None:
         with client(port) as terminal:
             _, output, _, local, _, rate, _ = termios.tcgetattr(terminal)
             assert rate == termios.B9600
@@ -428,20 +463,20 @@ class TestSettings:
         assert port.settings() == LineFormat(9600, stop=1)
 
     @pytest.mark.parametrize("rate", [1200, 9600, 19200, 38400, 57600, 115200])
-    def test_rate_is_the_clients(self, port, rate):
+    def test_rate_is_the_clients(self, port: PtyPort, rate: int) -> None:
         with client(port) as terminal:
             settings = termios.tcgetattr(terminal)
             settings[4] = settings[5] = getattr(termios, f"B{rate}")
             termios.tcsetattr(terminal, termios.TCSANOW, settings)
-            assert port.settings().baud == rate
+            assert not_none(port.settings()).baud == rate
         received(port)
-        assert port.settings().baud == rate  # as `stty` wants it
+        assert not_none(port.settings()).baud == rate  # as `stty` wants it
 
-    def test_rate_may_be_any_number(self, port):
+    def test_rate_may_be_any_number(self, port: PtyPort) -> None:
         with serial.Serial(port.url, 31250, stopbits=2):
             assert port.settings() == LineFormat(31250, stop=2)
 
-    def test_rate_of_zero_is_none(self, port):
+    def test_rate_of_zero_is_none(self, port: PtyPort) -> None:
         with client(port) as terminal:
             settings = termios.tcgetattr(terminal)
             settings[4] = settings[5] = termios.B0
@@ -449,7 +484,9 @@ class TestSettings:
             assert port.settings() is None
 
     @pytest.mark.parametrize("request_line", [b"", b"N\n"])
-    def test_outlive_the_client_as_on_a_serial_port(self, port, request_line):
+    def test_outlive_the_client_as_on_a_serial_port(
+        self, port: PtyPort, request_line: bytes
+    ) -> None:
         with client(port) as terminal:
             settings = termios.tcgetattr(terminal)
             settings[0] |= termios.ICRNL
@@ -462,8 +499,8 @@ class TestSettings:
             assert termios.tcgetattr(terminal)[:6] == settings[:6]
 
     @pytest.mark.parametrize("request_line", [b"", b"N\n"])
-    def test_bar_nobody_for_ever(self, request_line):
-        def check():
+    def test_bar_nobody_for_ever(self, request_line: bytes) -> None:
+        def check() -> None:
             port = PtyPort()
             with client(port) as terminal:
                 # it would stay so when the client has left: only root could open it, not we
@@ -482,7 +519,7 @@ class TestSettings:
 
         as_nobody(check)
 
-    def test_modem_lines_flushes_and_breaks_do_no_harm(self, port):
+    def test_modem_lines_flushes_and_breaks_do_no_harm(self, port: PtyPort) -> None:
         with client(port) as terminal:
             tty.setraw(terminal)
             termios.tcflush(terminal, termios.TCIOFLUSH)
@@ -498,7 +535,9 @@ class TestWhatAClientLeaves:
     @pytest.mark.parametrize(
         ("before", "how"), [(b"", "TCOOFF"), (b"N\n", "TCOOFF"), (b"N\n", "XOFF")]
     )
-    def test_stopped_output_does_not_block_the_next(self, port, before, how):
+    def test_stopped_output_does_not_block_the_next(
+        self, port: PtyPort, before: bytes, how: str
+    ) -> None:
         with client(port) as terminal:
             os.write(terminal, before)
             received(port)
@@ -512,7 +551,9 @@ class TestWhatAClientLeaves:
 
     @pytest.mark.parametrize("how", ["TCOOFF", "XOFF"])
     @pytest.mark.parametrize("reads", [False, True])
-    def test_stopped_output_does_not_block_one_that_has_come_already(self, port, how, reads):
+    def test_stopped_output_does_not_block_one_that_has_come_already(
+        self, port: PtyPort, how: str, reads: bool
+    ) -> None:
         with client(port) as first:
             os.write(first, b"N\n")
             assert received(port) == [b"N\n"]
@@ -526,10 +567,10 @@ class TestWhatAClientLeaves:
             assert received(port)[-1] == b"B\n"
 
     @pytest.mark.parametrize("rate", [38400, 31250])
-    def test_exclusive_use_makes_the_line_move(self, tmp_path, rate):
+    def test_exclusive_use_makes_the_line_move(self, tmp_path: Path, rate: int) -> None:
         link_path = tmp_path / "khepera"
 
-        def check():
+        def check() -> None:
             with Link(link_path) as link:
                 port = PtyPort(link.point_to)
                 link.point_to(port.url)
@@ -537,7 +578,7 @@ class TestWhatAClientLeaves:
                 with serial.Serial(port.url, rate) as theirs:
                     theirs.write(b"N\n")
                     assert received(port) == [b"N\n"]
-                    fcntl.ioctl(theirs.fd, termios.TIOCEXCL)
+                    fcntl.ioctl(theirs.fileno(), termios.TIOCEXCL)
                     with pytest.raises(OSError, match="busy"):
                         os.open(port.url, os.O_RDWR | os.O_NOCTTY)
                 assert received(port) == [b""]
@@ -551,9 +592,9 @@ class TestWhatAClientLeaves:
         enter_from_outside(tmp_path)
         as_nobody(check)
 
-    def test_exclusive_use_by_one_that_followed_another_makes_the_line_move(self):
-        def check():
-            moved = []
+    def test_exclusive_use_by_one_that_followed_another_makes_the_line_move(self) -> None:
+        def check() -> None:
+            moved: list[str] = []
             port = PtyPort(moved.append)
             with client(port) as first:
                 os.write(first, b"N\n")
@@ -571,11 +612,11 @@ class TestWhatAClientLeaves:
 
         as_nobody(check)
 
-    def test_a_link_that_cannot_be_turned_is_no_end(self, caplog):
-        def moved(path):
+    def test_a_link_that_cannot_be_turned_is_no_end(self, caplog: pytest.LogCaptureFixture) -> None:
+        def moved(path: str) -> None:
             raise EmulatorError(f"cannot turn the link to {path}")
 
-        def check():
+        def check() -> None:
             port = PtyPort(moved)
             with client(port) as first:
                 os.write(first, b"N\n")
@@ -589,7 +630,7 @@ class TestWhatAClientLeaves:
         as_nobody(check)
 
 
-def stop_output(port, terminal, how):
+def stop_output(port: PtyPort, terminal: int, how: str) -> None:
     if how == "TCOOFF":
         termios.tcflow(terminal, termios.TCOOFF)
     else:
@@ -601,7 +642,7 @@ def stop_output(port, terminal, how):
         pass  # an XOFF takes a moment to get through
 
 
-def is_served(port):
+def is_served(port: PtyPort) -> None:
     with client(port) as terminal:
         os.write(terminal, b"B\n")
         assert received(port) == [b"B\n"]
@@ -610,26 +651,27 @@ def is_served(port):
     assert received(port) == [b""]
 
 
-def is_exclusive(terminal):
-    return struct.unpack("i", fcntl.ioctl(terminal, 0x80045440, bytes(4)))[0] == 1
+def is_exclusive(terminal: int) -> bool:
+    (exclusive,) = struct.unpack("i", fcntl.ioctl(terminal, 0x80045440, bytes(4)))
+    return bool(exclusive == 1)
 
 
 class TestLink:
-    def test_points_to_the_terminal_and_goes_with_its_holder(self, tmp_path):
+    def test_points_to_the_terminal_and_goes_with_its_holder(self, tmp_path: Path) -> None:
         path = tmp_path / "runs" / "khepera"
         with Link(path) as link:
             link.point_to("/dev/pts/77")
             assert path.readlink() == Path("/dev/pts/77")
         assert list(path.parent.iterdir()) == []
 
-    def test_is_turned_in_one_step(self, tmp_path):
+    def test_is_turned_in_one_step(self, tmp_path: Path) -> None:
         path = tmp_path / "khepera"
         with Link(path) as link:
             link.point_to("/dev/pts/77")
             link.point_to("/dev/pts/78")
             assert path.readlink() == Path("/dev/pts/78")
 
-    def test_of_a_dead_emulator_is_taken_over(self, tmp_path):
+    def test_of_a_dead_emulator_is_taken_over(self, tmp_path: Path) -> None:
         path = tmp_path / "khepera"
         path.symlink_to("/dev/pts/77")
         lock_beside(path).touch()
@@ -639,7 +681,7 @@ class TestLink:
             assert path.readlink() == Path("/dev/pts/78")
 
     @pytest.mark.parametrize("name", ["Cargo.lock", "Cargo.{pid}", "Cargo"])
-    def test_takes_no_file_of_a_user_for_its_own(self, tmp_path, name):
+    def test_takes_no_file_of_a_user_for_its_own(self, tmp_path: Path, name: str) -> None:
         mine = tmp_path / name.format(pid=os.getpid())
         mine.write_text("precious")
         link_path = tmp_path / ("Cargo" if mine.name != "Cargo" else "khepera")
@@ -649,7 +691,7 @@ class TestLink:
         assert [entry.name for entry in tmp_path.iterdir()] == [mine.name]
         assert mine.read_text() == "precious"
 
-    def test_removes_no_lock_but_its_own(self, tmp_path):
+    def test_removes_no_lock_but_its_own(self, tmp_path: Path) -> None:
         path = tmp_path / "khepera"
         with Link(path):
             lock_beside(path).unlink()
@@ -657,7 +699,7 @@ class TestLink:
         assert lock_beside(path).read_text() == "precious"
 
     @pytest.mark.parametrize("kind", ["file", "link", "folder", "pipe"])
-    def test_leaves_what_stands_where_its_lock_belongs(self, tmp_path, kind):
+    def test_leaves_what_stands_where_its_lock_belongs(self, tmp_path: Path, kind: str) -> None:
         path = tmp_path / "khepera"
         lock, mine = lock_beside(path), tmp_path / "mine"
         mine.write_text("precious")
@@ -676,7 +718,7 @@ class TestLink:
         assert mine.read_text() == "precious"
         assert not path.is_symlink()
 
-    def test_that_no_emulator_has_made_is_kept(self, tmp_path):
+    def test_that_no_emulator_has_made_is_kept(self, tmp_path: Path) -> None:
         path = tmp_path / "khepera"
         path.symlink_to("/dev/pts/77")
         with pytest.raises(EmulatorError, match="that no emulator has made; give another --link"):
@@ -684,20 +726,24 @@ class TestLink:
         assert path.readlink() == Path("/dev/pts/77")
         assert [entry.name for entry in tmp_path.iterdir()] == ["khepera"]
 
-    def test_says_in_its_lock_what_it_is(self, tmp_path):
+    def test_says_in_its_lock_what_it_is(self, tmp_path: Path) -> None:
         path = tmp_path / "khepera"
         with Link(path):
             assert lock_beside(path).read_bytes() == LOCK_TEXT
 
     @pytest.mark.parametrize("path", ["/", ".", "", "x" * 300, "x" * 250, "/proc/khepera"])
-    def test_that_cannot_be_is_refused_in_one_sentence(self, tmp_path, monkeypatch, path):
+    def test_that_cannot_be_is_refused_in_one_sentence(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str
+    ) -> None:
         monkeypatch.chdir(tmp_path)
         with pytest.raises(EmulatorError, match=r"give a path|give another --link") as refused:
             Link(Path(path))
         assert len(str(refused.value)) < 300
         assert list(tmp_path.iterdir()) == []
 
-    def test_is_taken_over_while_somebody_looks_who_holds_it(self, tmp_path, monkeypatch):
+    def test_is_taken_over_while_somebody_looks_who_holds_it(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         path = tmp_path / "khepera"
         with lock_beside(path).open("w") as looking:
             fcntl.flock(looking, fcntl.LOCK_SH)
@@ -705,7 +751,7 @@ class TestLink:
             with Link(path) as link:
                 link.point_to("/dev/pts/78")
 
-    def test_has_one_holder_at_a_time(self, tmp_path):
+    def test_has_one_holder_at_a_time(self, tmp_path: Path) -> None:
         path = tmp_path / "khepera"
         with Link(path) as link:
             link.point_to("/dev/pts/77")
@@ -715,7 +761,7 @@ class TestLink:
         with Link(path):
             pass
 
-    def test_turned_elsewhere_is_left_alone(self, tmp_path):
+    def test_turned_elsewhere_is_left_alone(self, tmp_path: Path) -> None:
         path = tmp_path / "khepera"
         with Link(path) as link:
             link.point_to("/dev/pts/77")
@@ -724,7 +770,7 @@ class TestLink:
         assert path.readlink() == Path("/dev/pts/78")
 
     @pytest.mark.parametrize("kind", ["file", "folder", "foreign link"])
-    def test_never_replaces_anything_else(self, tmp_path, kind):
+    def test_never_replaces_anything_else(self, tmp_path: Path, kind: str) -> None:
         path = tmp_path / "khepera"
         if kind == "file":
             path.write_text("precious")
@@ -737,7 +783,7 @@ class TestLink:
         assert [entry.name for entry in tmp_path.iterdir()] == ["khepera"]
         assert kind != "file" or path.read_text() == "precious"
 
-    def test_below_a_file_cannot_be(self, tmp_path):
+    def test_below_a_file_cannot_be(self, tmp_path: Path) -> None:
         (tmp_path / "file").touch()
         with pytest.raises(EmulatorError, match="cannot make the link"):
             Link(tmp_path / "file" / "khepera")

@@ -70,7 +70,7 @@ def test_the_plan_is_the_best_outcome_of_each_command() -> None:
     memory.adapt(0, 2, 0.5)
     memory.adapt(0, 4, 0.7)
     found = plan(QLearning(), memory, 0)
-    assert found.evaluations == (pytest.approx(0.7), None)
+    assert found.evaluations == pytest.approx((0.7, None))
     assert found.command == 0
     assert found.sequence == (4,)
     assert plan(QLearning(), memory, 1).command is None

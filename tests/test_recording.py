@@ -6,9 +6,12 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
+from as_type import as_type, not_none
 from controller_helpers import ask, free_endpoint, wait_until_watched, watching
 from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.keys import ARENA, CAMERA, CONTROLLER, EMULATOR, KEYS
@@ -18,11 +21,11 @@ from mcap_protobuf.decoder import DecoderFactory
 from typer.testing import CliRunner
 from watching_helpers import BEGIN, SECOND, a_life, a_picture
 
-from macor_hil.cli import app
+from macor_hil.cli.program import app
 from macor_hil.errors import RecordingError
 from macor_hil.monitor.follower import Follower
 from macor_hil.monitor.robot_state import RobotState
-from macor_hil.telemetry.feed import Arrival, Presence
+from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.recordings.player import Player, play
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
 from macor_hil.telemetry.session import open_session
@@ -31,7 +34,7 @@ PATIENCE = 20.0
 
 
 @pytest.fixture
-def file(tmp_path):
+def file(tmp_path: Path) -> Path:
     path = tmp_path / "drive.mcap"
     with Recorder(path, "khepera") as recorder:
         for event in a_life():
@@ -39,15 +42,18 @@ def file(tmp_path):
     return path
 
 
-def test_what_is_read_is_what_was_written(file):
+def test_what_is_read_is_what_was_written(file: Path) -> None:
     assert read_recording(file) == ("khepera", a_life())
 
 
-def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file):
+def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file: Path) -> None:
     with file.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()
-        schemas = {c.topic: summary.schemas[c.schema_id] for c in summary.channels.values()}
+        schemas = {
+            c.topic: not_none(summary).schemas[c.schema_id]
+            for c in not_none(summary).channels.values()
+        }
         decision = schemas["macor/khepera/decision"]
         assert (decision.name, decision.encoding) == ("macor.Decision", "jsonschema")
         assert json.loads(decision.data) == schema_of(Decision)
@@ -69,14 +75,14 @@ def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file):
 SIMPLE = {"boolean", "string", "number", "integer"}
 
 
-def fields_as_viewers_read(schema, place):
+def fields_as_viewers_read(schema: dict[str, Any], place: str) -> dict[str, Any]:
     """The fields of a JSON Schema, by the rules of the parsers of Foxglove and Lichtblick.
 
     Restated from `parseJsonSchema.ts`, which both have; anything else is an error there, and the
     topic cannot be opened.
     """
     assert schema.get("type") == "object", place
-    fields = {}
+    fields: dict[str, Any] = {}
     for name, field in schema["properties"].items():
         where = f"{place}.{name}"
         assert "oneOf" not in field, where
@@ -90,12 +96,12 @@ def fields_as_viewers_read(schema, place):
     return fields
 
 
-def test_the_parsers_of_viewers_read_every_json_topic(file):
+def test_the_parsers_of_viewers_read_every_json_topic(file: Path) -> None:
     with file.open("rb") as stream:
         topics = {}
         for schema, channel, message in make_reader(stream).iter_messages():
-            if schema.encoding == "jsonschema":
-                fields = fields_as_viewers_read(json.loads(schema.data), channel.topic)
+            if not_none(schema).encoding == "jsonschema":
+                fields = fields_as_viewers_read(json.loads(not_none(schema).data), channel.topic)
                 assert set(json.loads(message.data)) <= set(fields)
                 topics[channel.topic] = fields
     assert len(topics) == 9
@@ -105,15 +111,15 @@ def test_the_parsers_of_viewers_read_every_json_topic(file):
     assert alternatives == {"command": "string", "evaluation": "number"}
 
 
-def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path):
+def test_samples_that_cannot_be_read_are_kept_and_not_drawn(tmp_path: Path) -> None:
     odd = Arrival(EMULATOR, "truth", b'{"future":1}', "application/json", None, BEGIN)
     with Recorder(tmp_path / "x", "khepera") as recorder:
         recorder.write(odd)
     _, (event,) = read_recording(tmp_path / "x")
-    assert event.data == odd.data
+    assert as_type(Arrival, event).data == odd.data
 
 
-def test_a_recording_that_was_cut_off_is_read_to_there(file, tmp_path):
+def test_a_recording_that_was_cut_off_is_read_to_there(file: Path, tmp_path: Path) -> None:
     whole = read_recording(file)[1]
     data = file.read_bytes()
     # pictures are chunks of their own or end one: a cut in the middle keeps what came before
@@ -125,7 +131,7 @@ def test_a_recording_that_was_cut_off_is_read_to_there(file, tmp_path):
     assert events
 
 
-def read_or_none(path):
+def read_or_none(path: Path) -> list[Arrival | Presence]:
     try:
         return read_recording(path)[1]
     except RecordingError:
@@ -133,23 +139,23 @@ def read_or_none(path):
 
 
 @pytest.mark.parametrize("content", [b"", b"no recording", bytes(200)])
-def test_what_is_no_recording_is_said_to_be_none(tmp_path, content):
+def test_what_is_no_recording_is_said_to_be_none(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x").write_bytes(content)
     with pytest.raises(RecordingError, match="is no recording of a robot"):
         read_recording(tmp_path / "x")
 
 
-def test_a_file_that_is_not_there(tmp_path):
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot read"):
         read_recording(tmp_path / "x")
     with pytest.raises(RecordingError, match="cannot record to"):
         Recorder(tmp_path / "no" / "x", "khepera")
 
 
-def test_a_full_disk_stops_the_recording_with_a_sentence(tmp_path):
+def test_a_full_disk_stops_the_recording_with_a_sentence(tmp_path: Path) -> None:
     path, events = tmp_path / "x.mcap", a_life(200)
 
-    def limit():
+    def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 
     code = (
@@ -179,12 +185,12 @@ def test_a_full_disk_stops_the_recording_with_a_sentence(tmp_path):
     assert read == events[: len(read)]
 
 
-def record_process(path, endpoint, *more):
+def record_process(path: Path, endpoint: str, *more: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "macor_hil.cli", "record", str(path), "--connect", endpoint]
     return subprocess.Popen([*command, *more], stdout=subprocess.PIPE, text=True)
 
 
-def publish_to_recorder(endpoint, path, events):
+def publish_to_recorder(endpoint: str, path: Path, events: Sequence[Arrival | Presence]) -> None:
     """Publish events to who records them at an endpoint, each picture when the last one is kept."""
     with open_session([endpoint], []) as session:
         wait_until_watched(session, "macor/khepera/decision", "macor/khepera/frame")
@@ -198,7 +204,9 @@ def publish_to_recorder(endpoint, path, events):
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
+def test_a_recorder_that_is_ended_leaves_a_readable_file(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     path, endpoint = tmp_path / "x.mcap", free_endpoint()
     pictures = 4
     process = record_process(path, endpoint)
@@ -218,7 +226,7 @@ def test_a_recorder_that_is_ended_leaves_a_readable_file(tmp_path, number):
             assert make_reader(stream).get_summary() is not None
 
 
-def test_a_recorder_tells_what_it_did_not_take(tmp_path):
+def test_a_recorder_tells_what_it_did_not_take(tmp_path: Path) -> None:
     path, endpoint = tmp_path / "x.mcap", free_endpoint()
     process = record_process(path, endpoint)
     try:
@@ -239,19 +247,19 @@ def test_a_recorder_tells_what_it_did_not_take(tmp_path):
     assert "1 samples; 2 refused; the last one of state: its stamp cannot be read: sequence" in said
 
 
-def wait_until(condition):
+def wait_until(condition: Callable[..., Any]) -> None:
     end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
 
 
-def pictures_in(path):
+def pictures_in(path: Path) -> list[Arrival]:
     events = read_or_none(path)
     return [event for event in events if isinstance(event, Arrival) and event.leaf == "frame"]
 
 
-def test_a_recorder_ends_after_its_time(tmp_path):
+def test_a_recorder_ends_after_its_time(tmp_path: Path) -> None:
     path, endpoint = tmp_path / "x.mcap", free_endpoint()
     result = CliRunner().invoke(
         app, ["record", str(path), "--for", "0.2", "--connect", endpoint], catch_exceptions=False
@@ -262,10 +270,10 @@ def test_a_recorder_ends_after_its_time(tmp_path):
 class Followed:
     """A player that waits for its watcher: what is shown too fast may be dropped, by design."""
 
-    def __init__(self, player, watcher):
+    def __init__(self, player: Player, watcher: Follower) -> None:
         self.player, self.watcher, self.shown = player, watcher, 0
 
-    def publish(self, event):
+    def publish(self, event: Arrival | Presence) -> None:
         self.player.publish(event)
         if isinstance(event, Presence):
             self.watcher.follow(PATIENCE, until=lambda: self._alive(event.side) == event.alive)
@@ -273,22 +281,23 @@ class Followed:
             self.shown += 1
             self.watcher.follow(PATIENCE, until=self._followed)
 
-    def _alive(self, side):
+    def _alive(self, side: str) -> bool:
         watched = self.watcher.watched
         return (watched.emulated if side == EMULATOR else watched.controlled).alive
 
-    def _followed(self):
+    def _followed(self) -> bool:
         return len(self.watcher.watched.controlled.history) == self.shown
 
 
-def test_a_replay_is_what_was_recorded(file):
+def test_a_replay_is_what_was_recorded(file: Path) -> None:
     _, events = read_recording(file)
     endpoint = free_endpoint()
     with open_session([endpoint], []) as session, Follower(session, "khepera") as watcher:
         with open_session([], [endpoint]) as other, Player(other, "khepera") as player:
             keys = [key for key in KEYS if key == ARENA or (key.published and key != CAMERA)]
             wait_until_watched(other, *(key.of("khepera") for key in keys))
-            play(events[:-2], Followed(player, watcher), sleep=lambda _: None)
+            followed = cast(Player, Followed(player, watcher))
+            play(events[:-2], followed, sleep=lambda _: None)
             watcher.follow(PATIENCE, until=lambda: watcher.watched.emulated.outline is not None)
             for event in events[-2:]:
                 player.publish(event)
@@ -303,36 +312,40 @@ def test_a_replay_is_what_was_recorded(file):
         assert watcher.watched.frame in {a_picture(k) for k in range(3)}
 
 
-def test_a_replay_keeps_the_distances_of_events():
-    shown, slept = [], []
+def test_a_replay_keeps_the_distances_of_events() -> None:
+    shown: list[Event] = []
+    slept: list[float] = []
 
     class Recorded:
-        def publish(self, event):
+        def publish(self, event: Arrival | Presence) -> None:
             shown.append(event)
 
     events = a_life(2)
-    play(events, Recorded(), speed=2.0, clock=lambda: sum(slept), sleep=slept.append)
+    play(events, cast(Player, Recorded()), speed=2.0, clock=lambda: sum(slept), sleep=slept.append)
     assert shown == events
     assert sum(slept) == pytest.approx((events[-1].received - BEGIN) / SECOND / 2.0)
 
 
-def test_a_replay_answers_queries_with_the_latest_and_the_schema():
+def test_a_replay_answers_queries_with_the_latest_and_the_schema() -> None:
     endpoint = free_endpoint()
     with open_session([endpoint], []) as session, Player(session, "khepera") as player:
-        decision = a_life(1)[-5]
+        decision = as_type(Arrival, a_life(1)[-5])
         assert decision.leaf == "decision"
         player.publish(decision)
         with watching(endpoint) as (watcher,):
             sample = ask(watcher, "macor/khepera/decision").ok
-            assert sample.payload.to_bytes() == decision.data
-            assert str(sample.encoding) == "application/json;macor.Decision"
-            assert json.loads(sample.attachment.to_bytes())["time"] == decision.stamp.time
+            assert not_none(sample).payload.to_bytes() == decision.data
+            assert str(not_none(sample).encoding) == "application/json;macor.Decision"
+            assert (
+                json.loads(not_none(not_none(sample).attachment).to_bytes())["time"]
+                == not_none(decision.stamp).time
+            )
             schema = ask(watcher, "macor/khepera/decision?describe").ok
-            assert json.loads(schema.payload.to_bytes()) == schema_of(Decision)
+            assert json.loads(not_none(schema).payload.to_bytes()) == schema_of(Decision)
             assert ask(watcher, "macor/khepera/state").ok is None
 
 
-def test_presence_is_kept_apart_for_each_side():
+def test_presence_is_kept_apart_for_each_side() -> None:
     watched = RobotState("khepera")
     for event in (Presence(EMULATOR, True, 0), Presence(CONTROLLER, True, 0)):
         watched.take(event)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import serial
 from emulator_process import PATIENCE, emulator
+from in_process import open_robot
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.app.cli.program import run
@@ -24,12 +25,14 @@ URL = "khepera://corridor?seed=3"
 SESSION = (b"B\n", b"D,5,3\n", b"N\n", b"N\nO\nH\n", b"D,0,0\n", b"K\n", b"M\n", b"memory\n")
 
 
-def play(recording, url=URL, ignore=()):
-    with serial.serial_for_url(url, timeout=1) as port:
+def play(
+    recording: Recording, url: str = URL, ignore: list[str] | tuple[()] = ()
+) -> int | Difference:
+    with open_robot(url, timeout=1) as port:
         return replay(recording, port, ignore)
 
 
-def log_of(*lines, url=URL):
+def log_of(*lines: tuple[bytes, bytes], url: str = URL) -> Recording:
     """A log of replies to one request each, a second apart."""
     entries = []
     for second, (request, said) in enumerate(lines):
@@ -40,7 +43,7 @@ def log_of(*lines, url=URL):
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of two clients at two rates, one of which leaves with replies under way."""
     path = tmp_path_factory.mktemp("log") / "wire.jsonl"
     # requests are bent, not replies: how many bytes come before the stray ones hangs on real time
@@ -60,7 +63,7 @@ def recorded(tmp_path_factory):
 
 
 class TestRecording:
-    def test_holds_both_directions_settings_goodbyes_and_faults(self, recorded):
+    def test_holds_both_directions_settings_goodbyes_and_faults(self, recorded: Path) -> None:
         log = read_log(recorded)
         assert log.url.startswith(
             "khepera://corridor?fault=flip%3Ap%3D0.03%2Cdir%3Drequest&fault=delay"
@@ -81,13 +84,13 @@ class TestRecording:
         times = [each.time for each in log.entries]
         assert times == sorted(times)
 
-    def test_played_in_virtual_time_gives_the_same_bytes(self, recorded):
+    def test_played_in_virtual_time_gives_the_same_bytes(self, recorded: Path) -> None:
         log = read_log(recorded)
         result = play(log, log.url)
         assert isinstance(result, int), str(result)
         assert result > 12
 
-    def test_of_a_line_that_takes_no_time_gives_the_same_bytes(self, tmp_path):
+    def test_of_a_line_that_takes_no_time_gives_the_same_bytes(self, tmp_path: Path) -> None:
         path = tmp_path / "wire.jsonl"
         options = ("--baud", "unpaced", "--speed", "20")
         with emulator("--no-zenoh", "--seed", "3", "--record", str(path), *options) as running:
@@ -106,12 +109,12 @@ class TestRecording:
         times = [each.time for each in log.entries]
         assert times == sorted(times)
 
-    def test_of_another_robot_differs(self, recorded):
+    def test_of_another_robot_differs(self, recorded: Path) -> None:
         log = read_log(recorded)
         result = play(log, log.url.replace("seed=3", "seed=4"))
         assert isinstance(result, Difference)
 
-    def test_keeps_every_byte(self, tmp_path):
+    def test_keeps_every_byte(self, tmp_path: Path) -> None:
         every_byte = bytes(range(256))
         with WireLog(tmp_path / "log", URL) as log:
             log.request(0.1, every_byte)
@@ -130,7 +133,7 @@ class TestRecording:
             ),
         )
 
-    def test_may_end_in_the_middle_of_a_line_and_hold_news(self, tmp_path):
+    def test_may_end_in_the_middle_of_a_line_and_hold_news(self, tmp_path: Path) -> None:
         with WireLog(tmp_path / "log", URL) as log:
             log.request(0.0, b"B\n")
         with (tmp_path / "log").open("a") as file:
@@ -151,7 +154,7 @@ class TestRecording:
             ("\0" * 200_000, "line 1 of .* is no JSON object"),
         ],
     )
-    def test_that_is_none_is_refused(self, tmp_path, text, why):
+    def test_that_is_none_is_refused(self, tmp_path: Path, text: str, why: str) -> None:
         (tmp_path / "log").write_text(text)
         with pytest.raises(EmulatorError, match=why):
             read_log(tmp_path / "log")
@@ -183,26 +186,30 @@ class TestRecording:
             ('{"t": 1, "what": "reply", "data": "' + "x" * 100_000 + '"}', "is too long"),
         ],
     )
-    def test_that_is_damaged_is_read_up_to_the_damage(self, tmp_path, line, why):
+    def test_that_is_damaged_is_read_up_to_the_damage(
+        self, tmp_path: Path, line: str, why: str
+    ) -> None:
         with WireLog(tmp_path / "log", URL) as log:
             log.request(0.5, b"B\n")
         with (tmp_path / "log").open("a") as file:
             file.write(line + '\n{"t": 2.0, "what": "close"}\n')
-        log = read_log(tmp_path / "log")
-        assert log.entries == (Entry(0.5, "request", b"B\n"),)
-        assert re.match(f"line 3 of .* {why}", log.damage), log.damage
-        assert log.damage.isprintable()
+        kept = read_log(tmp_path / "log")
+        assert kept.entries == (Entry(0.5, "request", b"B\n"),)
+        assert re.match(f"line 3 of .* {why}", kept.damage), kept.damage
+        assert kept.damage.isprintable()
 
-    def test_that_never_ends_is_read_as_far_as_there_is_memory(self, tmp_path, monkeypatch):
+    def test_that_never_ends_is_read_as_far_as_there_is_memory(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(wire_log, "_MOST_ENTRIES", 3)
         with WireLog(tmp_path / "log", URL) as log:
             for moment in range(5):
                 log.request(float(moment), b"B\n")
-        log = read_log(tmp_path / "log")
-        assert len(log.entries) == 2
-        assert "is longer than 3 lines" in log.damage
+        kept = read_log(tmp_path / "log")
+        assert len(kept.entries) == 2
+        assert "is longer than 3 lines" in kept.damage
 
-    def test_that_is_not_there_is_refused(self, tmp_path):
+    def test_that_is_not_there_is_refused(self, tmp_path: Path) -> None:
         with pytest.raises(EmulatorError, match="cannot read the wire log"):
             read_log(tmp_path / "log")
         for path, why in (("/", "Is a dir"), (".", "Is a dir"), ("a" * 300, "too long")):
@@ -211,21 +218,21 @@ class TestRecording:
         with pytest.raises(EmulatorError, match="cannot record to"):
             WireLog(tmp_path, URL)
 
-    def test_names_a_robot_that_can_be_opened(self):
+    def test_names_a_robot_that_can_be_opened(self) -> None:
         url = robot_url(
             "corridor", [("model", "khepera2"), ("fault", "stray:p=1,text=&#%"), ("x", "")]
         )
         assert url == "khepera://corridor?model=khepera2&fault=stray%3Ap%3D1%2Ctext%3D%26%23%25"
-        with serial.serial_for_url(url, timeout=1) as port:
+        with open_robot(url, timeout=1) as port:
             port.write(b"B\n")
             assert port.readline() == b"&#%b,5.02,5.01\r\n"
 
     @pytest.mark.parametrize("name", ["a#b", "a?b=1&c", "100%", "%41", "a b", "ä", "a;b", "[x"])
-    def test_names_an_arena_by_its_path_whatever_is_in_it(self, tmp_path, name):
+    def test_names_an_arena_by_its_path_whatever_is_in_it(self, tmp_path: Path, name: str) -> None:
         arena = tmp_path / f"{name}.toml"
         arena.write_text(f"{MAZE}")
         url = robot_url(str(arena), [("seed", "3")])
-        with serial.serial_for_url(url, timeout=1) as port:
+        with open_robot(url, timeout=1) as port:
             assert port.emulator.setup.arena.title == load_arena("maze").title
             assert port.emulator.setup.seed == 3
 
@@ -235,7 +242,7 @@ VERSION = b"b,5.01,5.00\r\n"
 
 
 class TestReplay:
-    def test_counts_equal_lines(self):
+    def test_counts_equal_lines(self) -> None:
         assert play(log_of((b"B\n", VERSION), (b"H\nX\n", b"h,0,0\r\nCommand not found\r\n"))) == 3
 
     @pytest.mark.parametrize(
@@ -248,14 +255,14 @@ class TestReplay:
             (b"b,5.01,5.01", VERSION),
         ],
     )
-    def test_tells_the_first_difference(self, logged, said):
+    def test_tells_the_first_difference(self, logged: bytes, said: bytes) -> None:
         result = play(log_of((b"H\n", b"h,0,0\r\n"), (b"B\n", logged), (b"B\n", b"x\r\n")))
         assert isinstance(result, Difference)
         expected = said or (VERSION if logged.endswith(b"more\r\n") else b"")
         assert (result.request, result.said) == (b"B\n", expected)
         assert result.time in (1.5, 2.5)
 
-    def test_tells_that_nothing_came(self):
+    def test_tells_that_nothing_came(self) -> None:
         result = play(log_of((b"B", VERSION)))
         assert result == Difference(0.5, b"B", VERSION, b"")
         assert str(result) == (
@@ -264,7 +271,7 @@ class TestReplay:
             "  robot: b'' (nothing came)"
         )
 
-    def test_takes_the_beginning_of_a_line_at_the_end_of_a_log(self):
+    def test_takes_the_beginning_of_a_line_at_the_end_of_a_log(self) -> None:
         assert play(log_of((b"B\n", b"b,5.0"))) == 1
         assert play(log_of((b"B\n", b""))) == 0
 
@@ -278,22 +285,22 @@ class TestReplay:
             ("H", b"hello,7,8\r\n", False),
         ],
     )
-    def test_may_ignore_values(self, ignore, logged, equal):
+    def test_may_ignore_values(self, ignore: str, logged: bytes, equal: bool) -> None:
         result = play(log_of((b"H\n", logged)), ignore=[ignore])
         assert isinstance(result, int) == equal
 
-    def test_sets_the_rate_and_writes_at_the_times(self):
+    def test_sets_the_rate_and_writes_at_the_times(self) -> None:
         entries = (
             Entry(0.0, "line", line=LineFormat(38400)),
             Entry(2.5, "request", b"B\n"),
             Entry(3.0, "reply", VERSION),
         )
-        with serial.serial_for_url(URL, timeout=1) as port:
+        with open_robot(URL, timeout=1) as port:
             assert replay(Recording(URL, entries), port) == 1
             assert port.baudrate == 38400
             assert port.now == pytest.approx(3.0)
 
-    def test_plays_to_any_port(self):
+    def test_plays_to_any_port(self) -> None:
         begin = log_of((b"B\n", VERSION), (b"G,1,2\n", b"g\r\n"), (b"H\n", b"h,1,2\r\n"))
         quick = [Entry(each.time / 100, each.what, each.data) for each in begin.entries]
         wrong = Entry(0.06, "reply", b"h,3,4\r\n")
@@ -309,26 +316,32 @@ class TestReplay:
 
 class TestCommand:
     @staticmethod
-    def run(monkeypatch, capfd, *arguments):
+    def run(
+        monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], *arguments: Path | str
+    ) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["khepera-emulator", "replay", *map(str, arguments)])
         status = run()
         out, err = capfd.readouterr()
         return status, out, err
 
     @pytest.fixture
-    def file(self, tmp_path):
+    def file(self, tmp_path: Path) -> Path:
         path = tmp_path / "wire.jsonl"
         with WireLog(path, URL) as log:
             log.request(0.0, b"H\n")
             log.reply(0.5, b"h,7,8\r\n")
         return path
 
-    def test_ends_with_one_and_the_difference(self, monkeypatch, capfd, file):
+    def test_ends_with_one_and_the_difference(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], file: Path
+    ) -> None:
         status, out, _ = self.run(monkeypatch, capfd, file)
         assert status == 1
         assert out.startswith("difference at 0.500 s, after the request b'H\\n'\n")
 
-    def test_leaves_a_standing_robot(self, monkeypatch, capfd, tmp_path):
+    def test_leaves_a_standing_robot(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+    ) -> None:
         path = tmp_path / "wire.jsonl"
         with WireLog(path, URL) as log:
             log.request(0.0, b"D,5,5\n")
@@ -341,11 +354,15 @@ class TestCommand:
                     port.write(b"E\n")
                     speeds = port.read_until(b"\n")
 
-    def test_ends_with_zero_when_equal(self, monkeypatch, capfd, file):
+    def test_ends_with_zero_when_equal(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], file: Path
+    ) -> None:
         status, out, _ = self.run(monkeypatch, capfd, file, "--ignore", "N,H")
         assert (status, out) == (0, "1 reply lines equal\n")
 
-    def test_plays_what_stands_before_the_damage_and_says_so(self, monkeypatch, capfd, tmp_path):
+    def test_plays_what_stands_before_the_damage_and_says_so(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+    ) -> None:
         path = tmp_path / "wire.jsonl"
         with WireLog(path, URL) as log:
             log.request(0.0, b"B\n")
@@ -379,8 +396,12 @@ class TestCommand:
         ],
     )
     def test_opens_nothing_but_emulated_robots_that_a_log_names(
-        self, monkeypatch, capfd, tmp_path, url
-    ):
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        capfd: pytest.CaptureFixture[str],
+        tmp_path: Path,
+        url: str,
+    ) -> None:
         precious = tmp_path / "precious"
         precious.write_text("precious")
         path = tmp_path / "wire.jsonl"
@@ -393,7 +414,9 @@ class TestCommand:
         assert precious.read_text() == "precious"
         assert sorted(each.name for each in tmp_path.iterdir()) == ["precious", "wire.jsonl"]
 
-    def test_plays_a_run_in_an_arena_with_a_name_of_any_kind(self, monkeypatch, capfd, tmp_path):
+    def test_plays_a_run_in_an_arena_with_a_name_of_any_kind(
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+    ) -> None:
         arena, log = tmp_path / "my #1?arena=100%.toml", tmp_path / "wire.jsonl"
         arena.write_text(MAZE)
         with (
@@ -406,8 +429,8 @@ class TestCommand:
         assert (status, out) == (0, "1 reply lines equal\n"), err
 
     def test_plays_a_log_with_a_strangers_url_to_a_port_of_ones_own(
-        self, monkeypatch, capfd, tmp_path
-    ):
+        self, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+    ) -> None:
         path = tmp_path / "wire.jsonl"
         with WireLog(path, "spy://loop://?file=/tmp/x") as log:
             log.request(0.0, b"B\n")
@@ -415,7 +438,13 @@ class TestCommand:
         assert self.run(monkeypatch, capfd, path, "--port", URL)[0] == 0
 
     @pytest.mark.parametrize("url", ["/nowhere", "khepera://nowhere", "what://is"])
-    def test_port_that_is_none_is_one_sentence(self, monkeypatch, capfd, file, url):
+    def test_port_that_is_none_is_one_sentence(
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        capfd: pytest.CaptureFixture[str],
+        file: Path,
+        url: str,
+    ) -> None:
         status, out, err = self.run(monkeypatch, capfd, file, "--port", url)
         assert (status, out) == (2, "")
         assert err.startswith(f"khepera-emulator: cannot replay on {url}: ")

@@ -5,15 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import serial
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from in_process import open_robot
 from khepera_protocol.options import OptionError
 from typer.testing import CliRunner
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.app import serving
-from khepera_emulator.app.cli import app
+from khepera_emulator.app.cli.commands import app
 from khepera_emulator.app.options import LineOptions, ZenohOptions
 from khepera_emulator.line.wire_log import WireLog, read_log
 from khepera_emulator.robot.options import HIGHEST_SEED, RobotOptions, UrlOptions
@@ -113,7 +113,7 @@ def test_the_header_of_a_log_is_as_ever() -> None:
 
 @pytest.mark.parametrize("url", ["khepera://corridor?baud=9600", "khepera://corridor?seed=007"])
 def test_urls_of_before_are_read(url: str) -> None:
-    with serial.serial_for_url(url, timeout=1) as port:
+    with open_robot(url, timeout=1) as port:
         port.write(b"B\n")
         assert port.readline() == b"b,5.01,5.00\r\n"
 

@@ -1,5 +1,6 @@
 """The folders import one way, and each keeps to its subject; `docs/design.md` draws them."""
 
+from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -50,11 +51,11 @@ SEEN_BY_THE_MIND = {
 }
 
 
-def inside(module, folder):
+def inside(module: str, folder: str) -> bool:
     return module == folder or module.startswith(f"{folder}.")
 
 
-def imports(folder):
+def imports(folder: str) -> Iterator[tuple[str, str, bool]]:
     """All imports of a folder's modules: who, what, and whether inside a function."""
     for module, file in MODULES.items():
         if inside(module, folder):
@@ -62,19 +63,19 @@ def imports(folder):
                 yield module, imported, lazy
 
 
-def test_no_module_imports_itself_by_way_of_others():
+def test_no_module_imports_itself_by_way_of_others() -> None:
     TopologicalSorter(GRAPH).prepare()
 
 
 @pytest.mark.parametrize("folder", folders_of(GRAPH))
-def test_a_folder_is_small_and_has_no_circle(folder):
+def test_a_folder_is_small_and_has_no_circle(folder: str) -> None:
     graph = folder_graph(folder, GRAPH)
     TopologicalSorter(graph).prepare()
     assert len(graph) <= MOST
 
 
-def test_packages_import_one_way():
-    def wrong(package, *others):
+def test_packages_import_one_way() -> None:
+    def wrong(package: str, *others: str) -> list[tuple[str, str, bool]]:
         return [each for each in imports(package) if each[1].split(".")[0] in others]
 
     assert not wrong("khepera_protocol", "khepera_emulator", "macor_hil")
@@ -84,8 +85,8 @@ def test_packages_import_one_way():
     assert {module for module, _, _ in opened} == OPENS_THE_EMULATOR
 
 
-def test_the_protocol_and_the_mind_have_no_io_but_where_it_is_named():
-    found = {}
+def test_the_protocol_and_the_mind_have_no_io_but_where_it_is_named() -> None:
+    found: dict[str, set[str]] = {}
     for module, imported, _ in [*imports("khepera_protocol"), *imports("macor_hil.mind")]:
         package = imported.split(".")[0]
         if package in IO and not inside(module, "khepera_protocol.zenoh"):
@@ -93,7 +94,7 @@ def test_the_protocol_and_the_mind_have_no_io_but_where_it_is_named():
     assert found == WITH_IO
 
 
-def test_the_mind_knows_little_of_the_rest():
+def test_the_mind_knows_little_of_the_rest() -> None:
     seen = set()
     for module, imported, _ in imports("macor_hil.mind"):
         if imported in MODULES and not inside(imported, "macor_hil.mind"):

@@ -6,11 +6,14 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from math import cos, pi, sin
 from queue import SimpleQueue
+from typing import Any
 
 import pytest
 import zenoh
+from as_type import not_none
 from controller_helpers import (
     PATIENCE,
     a_decision,
@@ -101,24 +104,24 @@ float64 w
 NOW = 1_700_000_000_123_456_789
 
 
-def decode(kind, data):
+def decode(kind: str, data: bytes) -> Any:
     text = DEFINITIONS[kind].replace("===", 80 * "=")
-    decoder = DecoderFactory().decoder_for("cdr", Schema(1, text.encode(), "ros2msg", kind))
-    return decoder(data)
+    schema = Schema(1, text.encode(), "ros2msg", kind)
+    return not_none(DecoderFactory().decoder_for("cdr", schema))(data)
 
 
-def at(x, y, heading):
+def at(x: float, y: float, heading: float) -> Odometry:
     return Odometry(pose=Pose(x=x, y=y, heading=heading), counters=(0, 0))
 
 
-def test_a_topic_is_the_key_that_ros_2_gives_it():
+def test_a_topic_is_the_key_that_ros_2_gives_it() -> None:
     assert CHATTER.key(0) == f"0/chatter/std_msgs::msg::dds_::String_/{STRING_HASH}"
     assert (
         Topic("/robot1/chatter", CHATTER.kind, STRING_HASH).key(7).startswith("7/robot1/chatter/")
     )
 
 
-def test_tokens_are_those_of_ros_2_nodes():
+def test_tokens_are_those_of_ros_2_nodes() -> None:
     node = Node(2, "8b20917502ee955ac4476e0266340d5c", "/", "talker")
     assert node.token() == "@ros2_lv/2/8b20917502ee955ac4476e0266340d5c/0/0/NN/%/%/talker"
     assert node.publisher_token(10, CHATTER, depth=7) == TALKER
@@ -145,19 +148,21 @@ def test_tokens_are_those_of_ros_2_nodes():
         ),
     ],
 )
-def test_types_have_the_hashes_of_ros_2(topic, kind, kind_hash):
+def test_types_have_the_hashes_of_ros_2(
+    topic: Callable[[str], Topic], kind: str, kind_hash: str
+) -> None:
     made = topic("/khepera")
     assert made.kind == kind
     assert made.kind_hash == f"RIHS01_{kind_hash}"
 
 
-def test_an_attachment_is_number_time_and_gid():
+def test_an_attachment_is_number_time_and_gid() -> None:
     data = attachment(3, NOW, bytes(range(16)))
     assert len(data) == 33
     assert data == struct.pack("<qq", 3, NOW) + b"\x10" + bytes(range(16))
 
 
-def test_a_gid_is_the_hash_of_the_token():
+def test_a_gid_is_the_hash_of_the_token() -> None:
     # XXH3, 128 bits, of the empty text: 99aa06d3014798d86001c324468d497f, the low half first
     assert gid("") == bytes.fromhex("7f498d4624c30160d8984701d306aa99")
     assert gid(TALKER) != gid(TALKER.replace("10", "11"))
@@ -167,25 +172,25 @@ def test_a_gid_is_the_hash_of_the_token():
     ("robot", "namespace"),
     [("khepera", "/khepera"), ("khepera-2.a", "/khepera_2_a"), ("7of9", "/robot_7of9")],
 )
-def test_any_robot_has_a_namespace(robot, namespace):
+def test_any_robot_has_a_namespace(robot: str, namespace: str) -> None:
     assert namespace_of(robot) == namespace
     assert messages.image_topic(namespace).name == f"{namespace}/image/compressed"
 
 
 @pytest.mark.parametrize("name", ["chatter", "/", "/a b", "/a//b", "/1st"])
-def test_names_that_ros_refuses_are_refused(name):
+def test_names_that_ros_refuses_are_refused(name: str) -> None:
     with pytest.raises(TelemetryError, match="ROS topic"):
         Topic(name, CHATTER.kind, STRING_HASH)
 
 
-def test_a_picture_passes_through_as_it_is():
+def test_a_picture_passes_through_as_it_is() -> None:
     message = decode("sensor_msgs/msg/CompressedImage", messages.image(b"\xff\xd8jpeg", NOW))
     assert message.format == "jpeg"
     assert bytes(message.data) == b"\xff\xd8jpeg"
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == divmod(NOW, 10**9)
 
 
-def test_odometry_is_the_pose_and_the_mean_speed():
+def test_odometry_is_the_pose_and_the_mean_speed() -> None:
     before = a_decision(3, odometry=at(1.0, 2.0, pi / 2))
     after = a_decision(4, odometry=at(1.0, 2.1, pi / 2 + 0.2), time=before.time + 0.5)
     message = decode("nav_msgs/msg/Odometry", messages.odometry(after, before, NOW))
@@ -199,7 +204,7 @@ def test_odometry_is_the_pose_and_the_mean_speed():
     assert twist.angular.z == pytest.approx(0.4)
 
 
-def test_a_first_decision_has_no_speed():
+def test_a_first_decision_has_no_speed() -> None:
     last_run = a_decision(7)
     for before in (None, last_run):
         cdr = messages.odometry(a_decision(0), before, NOW)
@@ -207,7 +212,7 @@ def test_a_first_decision_has_no_speed():
 
 
 @pytest.mark.parametrize(("name", "turn"), [("left", 12), ("right", -12), ("straight", 0)])
-def test_a_command_is_its_arc(name, turn):
+def test_a_command_is_its_arc(name: str, turn: int) -> None:
     cdr = messages.command(a_decision(command=name), NOW)
     twist = decode("geometry_msgs/msg/TwistStamped", cdr).twist
     # the faster wheel turns at 20 counts of 0.08 mm / 10 ms
@@ -216,12 +221,12 @@ def test_a_command_is_its_arc(name, turn):
     assert twist.angular.z / twist.linear.x == pytest.approx(turn / 180 * pi / 0.021)
 
 
-def test_an_unknown_command_is_named():
+def test_an_unknown_command_is_named() -> None:
     with pytest.raises(TelemetryError, match="'back'"):
         messages.command(a_decision(command="back"), NOW)
 
 
-def test_what_a_controller_tells_arrives_as_ros_2_topics():
+def test_what_a_controller_tells_arrives_as_ros_2_topics() -> None:
     endpoint = free_endpoint()
     hears = "5/khepera/**"
     with (
@@ -236,13 +241,15 @@ def test_what_a_controller_tells_arrives_as_ros_2_topics():
         for _ in range(3):
             bridge.forward(PATIENCE)
         samples = [receive(topics) for _ in range(5)]
-        tokens = [str(reply.ok.key_expr) for reply in listener.liveliness().get("@ros2_lv/**")]
-    got = {}
+        tokens = [
+            str(not_none(reply.ok).key_expr) for reply in listener.liveliness().get("@ros2_lv/**")
+        ]
+    got: dict[str, list[tuple[Any, bytes]]] = {}
     for sample in samples:
         _, name, dds_kind, _ = str(sample.key_expr).rsplit("/", 3)[-4:]
         kind = dds_kind.replace("::", "/").replace("dds_/", "").rstrip("_")
         message = decode(kind, sample.payload.to_bytes())
-        got.setdefault(name, []).append((message, sample.attachment.to_bytes()))
+        got.setdefault(name, []).append((message, not_none(sample.attachment).to_bytes()))
     assert {name: len(each) for name, each in got.items()} == {
         "compressed": 1,
         "cmd_vel": 2,
@@ -260,10 +267,10 @@ def test_what_a_controller_tells_arrives_as_ros_2_topics():
     assert all(token.startswith(f"@ros2_lv/5/{session.zid()}/0/") for token in tokens)
 
 
-def test_what_cannot_be_read_is_dropped(caplog):
+def test_what_cannot_be_read_is_dropped(caplog: pytest.LogCaptureFixture) -> None:
     endpoint = free_endpoint()
     with publishing(endpoint) as (session, publisher), Bridge(session, "khepera") as bridge:
-        got = SimpleQueue()
+        got: SimpleQueue[zenoh.Sample] = SimpleQueue()
         session.declare_subscriber("0/khepera/odom/**", got.put)
         session.put(DECISION.of("khepera"), "{}")
         publisher.decision(a_decision())
@@ -281,7 +288,7 @@ def test_what_cannot_be_read_is_dropped(caplog):
 
 
 @pytest.mark.parametrize("domain", [-1, 233])
-def test_domains_that_ros_has_not_are_refused(domain):
+def test_domains_that_ros_has_not_are_refused(domain: int) -> None:
     with (
         publishing(free_endpoint()) as (session, _),
         pytest.raises(TelemetryError, match="domain"),
@@ -289,7 +296,7 @@ def test_domains_that_ros_has_not_are_refused(domain):
         Bridge(session, "khepera", domain)
 
 
-def test_the_bridge_is_a_process_that_a_signal_ends():
+def test_the_bridge_is_a_process_that_a_signal_ends() -> None:
     endpoint = free_endpoint()
     command = [
         sys.executable,
@@ -316,7 +323,7 @@ def test_the_bridge_is_a_process_that_a_signal_ends():
     assert (process.returncode, said) == (0, "macor-hil: ended by SIGTERM\n")
 
 
-def test_nodes_find_the_bridge_as_they_come():
+def test_nodes_find_the_bridge_as_they_come() -> None:
     """A session as rmw_zenoh configures it: connects to the well-known peer, listens, gossips."""
     endpoint = free_endpoint()
     config = zenoh.Config()

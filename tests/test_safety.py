@@ -4,15 +4,21 @@ import json
 import os
 import signal
 import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+import zenoh
+from as_type import as_type, not_none
+from controller_helpers import Samples
 from drives import STATUSES, WAYS_OUT, Drive, programs
 from emulator_process import PATIENCE
-from rig import RELAYED, rig
+from rig import RELAYED, Controller, Rig, rig
 from short_training import train_shortly
 
 from macor_hil.telemetry.session import open_session
@@ -26,25 +32,25 @@ LIMIT = 0.5
 
 
 @pytest.fixture(scope="module")
-def map_file(tmp_path_factory):
+def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("maps") / "short.npz"
     return train_shortly(path)
 
 
 @pytest.fixture(scope="module")
-def shared_bench(tmp_path_factory):
+def shared_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     with rig(tmp_path_factory.mktemp("bench")) as running:
         yield running
 
 
 @pytest.fixture
-def bench(shared_bench):
+def bench(shared_bench: Rig) -> Iterator[Rig]:
     shared_bench.make_ready()
     yield shared_bench
     shared_bench.end_controllers()
 
 
-def drive(bench, map_file, **fields):
+def drive(bench: Rig, map_file: Path, **fields: Any) -> Controller:
     """A controller whose commands take more than a second, at the beginning of one."""
     controller = bench.controller(map_file, speed=2, **fields)
     controller.wait_for_steps(1)
@@ -52,7 +58,7 @@ def drive(bench, map_file, **fields):
     return controller
 
 
-def interrupted(controller):
+def interrupted(controller: Controller) -> int:
     """End a controller; how many failures it had got over."""
     os.kill(controller.process.pid, signal.SIGTERM)
     ending, recoveries = controller.end().rsplit(maxsplit=1)
@@ -61,27 +67,29 @@ def interrupted(controller):
 
 
 @pytest.mark.parametrize("mode", ["lost", "frozen", "late", "dark", "small", "garbage"])
-def test_a_failing_camera_stops_the_robot_until_it_works_again(bench, map_file, mode):
+def test_a_failing_camera_stops_the_robot_until_it_works_again(
+    bench: Rig, map_file: Path, mode: str
+) -> None:
     controller = drive(bench, map_file)
 
-    def fail():
-        if bench.relay.mode != "pass":
-            bench.relay.mode = "pass"
+    def fail() -> None:
+        if not_none(bench.relay).mode != "pass":
+            not_none(bench.relay).mode = "pass"
             controller.wait_for_steps(1)
             bench.wait_until_moving()
-        bench.relay.mode = mode
+        not_none(bench.relay).mode = mode
 
     assert bench.stops_within(LIMIT, fail)
-    bench.relay.mode = "pass"
+    not_none(bench.relay).mode = "pass"
     controller.wait_for_steps(2)
     assert interrupted(controller) > 0
 
 
 @contextmanager
-def a_stranger(bench, make_picture):
+def a_stranger(bench: Rig, make_picture: Callable[[], bytes]) -> Iterator[zenoh.Session]:
     """A session that answers on the camera's key as well, and claims to be complete."""
 
-    def answer(query):
+    def answer(query: zenoh.Query) -> None:
         with query:
             query.reply(RELAYED, make_picture())
 
@@ -93,44 +101,51 @@ def a_stranger(bench, make_picture):
         yield session
 
 
-def noise():
+def noise() -> bytes:
     image = np.random.default_rng().integers(0, 256, (160, 160, 3), dtype=np.uint8)
     return cv2.imencode(".png", image)[1].tobytes()
 
 
 @pytest.mark.parametrize("make_picture", [lambda: b"flour", noise])
 def test_a_stranger_on_the_camera_s_key_neither_holds_nor_steers_the_robot(
-    bench, map_file, make_picture
-):
+    bench: Rig, map_file: Path, make_picture: Callable[[], bytes]
+) -> None:
     controller = drive(bench, map_file)
-    frames, states, asked = SimpleQueue(), SimpleQueue(), SimpleQueue()
+    frames: Samples = SimpleQueue()
+    states: Samples = SimpleQueue()
+    asked: SimpleQueue[int] = SimpleQueue()
+
+    def ask_and_make() -> bytes:
+        asked.put(1)
+        return make_picture()
+
     with open_session([], [bench.controller_endpoint]) as session:
         session.declare_subscriber("macor/khepera/frame", frames.put)
         session.declare_subscriber("macor/khepera/state", states.put)
-        with a_stranger(bench, lambda: asked.put(1) or make_picture()):
+        with a_stranger(bench, ask_and_make):
             asked.get(timeout=PATIENCE)
             controller.wait_for_steps(3)
     assert controller.process.poll() is None
     seen = [sample.payload.to_bytes() for sample in drained(frames)]
     assert seen
     for data in seen:
-        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        picture = not_none(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
         assert not picture[:8, :8].any()  # outside the mirror; noise everywhere is the stranger's
     # a late picture of a busy machine may stop the robot, but no stranger
     reasons = [json.loads(sample.payload.to_string())["reason"] for sample in drained(states)]
     assert not [reason for reason in reasons if "no picture (" in reason or "source" in reason]
 
 
-def drained(queue):
+def drained(queue: Samples) -> Iterator[zenoh.Sample]:
     while not queue.empty():
         yield queue.get()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_stops_the_robot(bench, map_file, number):
+def test_a_signal_stops_the_robot(bench: Rig, map_file: Path, number: int) -> None:
     controllers = []
 
-    def interrupt():
+    def interrupt() -> None:
         controllers.append(drive(bench, map_file))
         os.kill(controllers[-1].process.pid, number)
 
@@ -138,10 +153,10 @@ def test_a_signal_stops_the_robot(bench, map_file, number):
     assert controllers[-1].end().startswith(f"interrupted {signal.Signals(number).name}")
 
 
-def test_a_stop_request_stops_the_robot(bench, map_file):
+def test_a_stop_request_stops_the_robot(bench: Rig, map_file: Path) -> None:
     controllers = []
 
-    def ask():
+    def ask() -> None:
         controllers.append(drive(bench, map_file, stop_key=True))
         with open_session([], [bench.controller_endpoint]) as session:
             ask_to_stop(session, "khepera")
@@ -150,7 +165,7 @@ def test_a_stop_request_stops_the_robot(bench, map_file):
     assert controllers[-1].end().startswith("interrupted the stop key")
 
 
-def test_the_stop_key_is_off_unless_asked_for(bench, map_file):
+def test_the_stop_key_is_off_unless_asked_for(bench: Rig, map_file: Path) -> None:
     controller = drive(bench, map_file)
     with open_session([], [bench.controller_endpoint]) as session:
         session.put("macor/khepera/stop", REQUEST)
@@ -159,34 +174,35 @@ def test_the_stop_key_is_off_unless_asked_for(bench, map_file):
     controller.wait_for_steps(2)
 
 
-def test_the_robot_stands_while_a_planner_is_late(bench, map_file):
+def test_the_robot_stands_while_a_planner_is_late(bench: Rig, map_file: Path) -> None:
     phases = []
     with open_session([], [bench.controller_endpoint]) as session:
         session.declare_subscriber(
             "macor/khepera/state", lambda sample: phases.append(phase(sample))
         )
 
-        def wait_for_the_planner():
+        def wait_for_the_planner() -> None:
             bench.end_controllers()
             controller = bench.controller(map_file, speed=2, trouble="slow planner")
             controller.wait_for(lambda lines: "slow" in lines)
 
         assert bench.stops_within(LIMIT, wait_for_the_planner)
-        bench.controllers[-1].wait_for_steps(2)
+        as_type(Controller, bench.controllers[-1]).wait_for_steps(2)
     assert "late" in phases
 
 
-def phase(sample):
-    return json.loads(sample.payload.to_string())["phase"]
+def phase(sample: zenoh.Sample) -> str:
+    told: str = json.loads(sample.payload.to_string())["phase"]
+    return told
 
 
-def test_a_defect_in_mid_drive_stops_the_robot(bench, map_file):
-    def break_down():
+def test_a_defect_in_mid_drive_stops_the_robot(bench: Rig, map_file: Path) -> None:
+    def break_down() -> None:
         controller = bench.controller(map_file, trouble="exception")
         controller.wait_for(lambda lines: "broken" in lines)
 
     assert bench.stops_within(LIMIT, break_down)
-    assert bench.controllers[-1].process.wait(30) == 1
+    assert as_type(Controller, bench.controllers[-1]).process.wait(30) == 1
 
 
 ROLLING = """
@@ -198,17 +214,17 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def kill_a_rolling_controller(bench):
+def kill_a_rolling_controller(bench: Rig) -> None:
     controller = bench.start([sys.executable, "-c", ROLLING, str(bench.link)])
     assert controller.process.wait(30) == -signal.SIGKILL
 
 
-def test_a_robot_rolls_on_when_its_controller_was_killed(bench):
+def test_a_robot_rolls_on_when_its_controller_was_killed(bench: Rig) -> None:
     kill_a_rolling_controller(bench)
     assert bench.time_to_stand(longest=1.5) > 1.4
 
 
-def test_a_robot_with_a_dead_man_stop_does_not(tmp_path):
+def test_a_robot_with_a_dead_man_stop_does_not(tmp_path: Path) -> None:
     with rig(tmp_path, "--dead-man", "0.3") as bench:
         kill_a_rolling_controller(bench)
         assert bench.time_to_stand() < 0.3 + 0.15
@@ -217,10 +233,12 @@ def test_a_robot_with_a_dead_man_stop_does_not(tmp_path):
 # the others: `make stop-times`
 @pytest.mark.parametrize("way", ["SIGTERM", "terminal closed"])
 @pytest.mark.parametrize("program", ["run", "train", "trials", "calibrate", "Commands", "Wheels"])
-def test_no_way_out_of_any_program_leaves_the_robot_driving(bench, map_file, program, way):
+def test_no_way_out_of_any_program_leaves_the_robot_driving(
+    bench: Rig, map_file: Path, program: str, way: str
+) -> None:
     drives = []
 
-    def end():
+    def end() -> None:
         bench.make_ready()
         drives.append(Drive(bench.controllers, programs(bench, map_file)[program]))
         bench.wait_until_moving()
@@ -232,10 +250,10 @@ def test_no_way_out_of_any_program_leaves_the_robot_driving(bench, map_file, pro
         assert status == STATUSES[way], drives[-1].said
 
 
-def test_an_output_that_nobody_reads_stops_the_robot(bench, map_file):
+def test_an_output_that_nobody_reads_stops_the_robot(bench: Rig, map_file: Path) -> None:
     drives = []
 
-    def end():
+    def end() -> None:
         bench.make_ready()
         drives.append(Drive(bench.controllers, programs(bench, map_file)["run"], output=True))
         bench.wait_until_moving()
@@ -270,8 +288,8 @@ ENDINGS = {
 
 
 @pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS.keys())
-def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending):
-    def end():
+def test_a_program_without_any_care_leaves_a_standing_robot(bench: Rig, ending: str) -> None:
+    def end() -> None:
         bench.end_controllers()
         script = A_LEARNER.format(ending)
         program = bench.start([sys.executable, "-c", script, str(bench.link)])
@@ -280,20 +298,24 @@ def test_a_program_without_any_care_leaves_a_standing_robot(bench, ending):
     assert bench.stops_within(LIMIT, end)
 
 
-def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(bench, map_file):
+def test_a_killed_controller_of_commands_leaves_a_robot_that_comes_to_rest(
+    bench: Rig, map_file: Path
+) -> None:
     controller = drive(bench, map_file)
     controller.process.kill()
     assert 0.6 < bench.time_to_stand() < 2.0  # the rest of its command
 
 
-def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(bench, map_file):
+def test_a_robot_comes_back_after_its_emulator_was_killed_and_restarted(
+    bench: Rig, map_file: Path
+) -> None:
     controller = drive(bench, map_file)
     bench.restart_emulator()
     controller.wait_for_steps(3)
     assert interrupted(controller) > 0
 
 
-def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path):
+def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file: Path, tmp_path: Path) -> None:
     """Its camera has another Zenoh id: a change that is told, and then followed."""
     with rig(tmp_path, relay=False) as bench:
         controller = drive(bench, map_file)
@@ -302,18 +324,20 @@ def test_a_restarted_emulator_is_taken_for_the_camera_again(map_file, tmp_path):
         assert interrupted(controller) > 0
 
 
-def test_a_robot_stops_while_its_router_is_gone_and_goes_on_when_it_is_back(map_file, tmp_path):
+def test_a_robot_stops_while_its_router_is_gone_and_goes_on_when_it_is_back(
+    map_file: Path, tmp_path: Path
+) -> None:
     with rig(tmp_path, routed=True) as bench:
         controller = drive(bench, map_file)
 
-        def lose_the_router():
-            if bench.router.process.poll() is not None:
-                bench.router.start()
+        def lose_the_router() -> None:
+            if not_none(bench.router).process.poll() is not None:
+                not_none(bench.router).start()
                 controller.wait_for_steps(1)
                 bench.wait_until_moving()
-            bench.router.kill()
+            not_none(bench.router).kill()
 
         assert bench.stops_within(LIMIT, lose_the_router)
-        bench.router.start()
+        not_none(bench.router).start()
         controller.wait_for_steps(2)
         assert interrupted(controller) > 0

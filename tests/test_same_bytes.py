@@ -13,10 +13,12 @@ from hashlib import sha256
 import pytest
 import serial
 from emulator_process import PATIENCE, emulator, free_endpoint
+from in_process import open_robot
 
 import khepera_emulator  # noqa: F401 - registers khepera://
 from macor_hil.hardware.bench import PortBench, ZenohBench
 from macor_hil.hardware.cameras import open_camera
+from macor_hil.hardware.cameras.camera import Camera
 from macor_hil.telemetry.session import open_session
 
 ARENA = "open-box"
@@ -32,14 +34,14 @@ print(in_process(int(sys.argv[2])))
 """
 
 
-def ask(port, request):
+def ask(port: serial.SerialBase, request: bytes) -> bytes:
     port.write(request + b"\n")
     reply = port.read_until(b"\n")
     assert reply.endswith(b"\n")
     return reply
 
 
-def stand(port, bench):
+def stand(port: serial.SerialBase, bench: PortBench | ZenohBench) -> None:
     """Wait until the wheels are where they shall be, and stand: then they stand for good."""
     while not (
         REACHED.fullmatch(ask(port, b"K"))
@@ -49,9 +51,9 @@ def stand(port, bench):
         pass
 
 
-def session(port, bench, camera):
+def session(port: serial.SerialBase, bench: PortBench | ZenohBench, camera: Camera) -> str:
     """All that a robot says, shows and is, at rest between moves."""
-    seen = []
+    seen: list[object] = []
     for move in MOVES:
         seen.append(ask(port, move))
         stand(port, bench)
@@ -62,14 +64,14 @@ def session(port, bench, camera):
     return sha256(repr(seen).encode()).hexdigest()
 
 
-def in_process(seed):
+def in_process(seed: int) -> str:
     url = f"khepera://{ARENA}?seed={seed}"
-    with serial.serial_for_url(url, baudrate=9600, timeout=2) as port:
+    with open_robot(url, baudrate=9600, timeout=2) as port:
         camera = open_camera("port", port=port, session=None, robot="khepera")
         return session(port, PortBench(port), camera)
 
 
-def on_terminal(seed, speed):
+def on_terminal(seed: int, speed: int) -> str:
     endpoint = free_endpoint()
     with (
         emulator(
@@ -84,20 +86,20 @@ def on_terminal(seed, speed):
 
 
 @pytest.fixture(scope="module")
-def expected():
+def expected() -> str:
     return in_process(1)
 
 
-def test_another_process_gives_the_same(request, expected):
+def test_another_process_gives_the_same(request: pytest.FixtureRequest, expected: str) -> None:
     command = [sys.executable, "-c", IN_PROCESS, str(request.path.parent), "1"]
     said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
     assert said.split()[-1] == expected
 
 
 @pytest.mark.parametrize("speed", [10, 25])
-def test_a_terminal_at_any_speed_gives_the_same(speed, expected):
+def test_a_terminal_at_any_speed_gives_the_same(speed: int, expected: str) -> None:
     assert on_terminal(1, speed) == expected
 
 
-def test_another_seed_gives_another_robot(expected):
+def test_another_seed_gives_another_robot(expected: str) -> None:
     assert in_process(2) != expected

@@ -1,7 +1,10 @@
 """The same controller with the same seed decides the same, whatever carries its line."""
 
+from pathlib import Path
+
 import pytest
 from emulator_process import emulator, free_endpoint
+from khepera_protocol.zenoh.controller_payloads import Decision
 from short_training import train_shortly
 
 from macor_hil.runs.live_run import serve
@@ -16,15 +19,15 @@ ABOUT_THE_SAME = 2
 
 
 @pytest.fixture(scope="module")
-def map_file(tmp_path_factory):
+def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("maps") / "short.npz"
     return train_shortly(path, PORT, tuning=20, random=200)
 
 
-def drive(port, map_file, connect=()):
+def drive(port: str, map_file: Path, connect: tuple[str, ...] = ()) -> list[Decision]:
     """Decisions of a run. The camera is looked through once a command: more pictures would make
     the noise of the next one another."""
-    decisions = []
+    decisions: list[Decision] = []
     options = RunOptions(
         port=port,
         map_file=map_file,
@@ -41,7 +44,7 @@ def drive(port, map_file, connect=()):
 
 
 @pytest.fixture(scope="module")
-def in_process(map_file):
+def in_process(map_file: Path) -> list[Decision]:
     decisions = drive(PORT, map_file)
     assert len({decision.command for decision in decisions}) == 3
     assert len({decision.situation.node for decision in decisions}) > 3
@@ -49,12 +52,14 @@ def in_process(map_file):
     return decisions
 
 
-def what(decisions):
+def what(decisions: list[Decision]) -> list[tuple[int, str]]:
     return [(decision.situation.node, decision.command) for decision in decisions]
 
 
 @pytest.mark.parametrize("carrier", ["link", "tcp", "rfc2217"])
-def test_the_same_decisions_over_every_carrier(carrier, map_file, in_process, tmp_path):
+def test_the_same_decisions_over_every_carrier(
+    carrier: str, map_file: Path, in_process: list[Decision], tmp_path: Path
+) -> None:
     endpoint = free_endpoint()
     place = str(tmp_path / "robot") if carrier == "link" else "127.0.0.1:0"
     with emulator(

@@ -1,7 +1,17 @@
 """Samples as they travel: keys, payloads and attachments, to the byte."""
 
+from typing import Any, cast
+
 import zenoh
-from khepera_protocol.zenoh.keys import CONTROLLER, CONTROLLER_ALIVE, EMULATOR, KEYS, LINK, STOP
+from khepera_protocol.zenoh.keys import (
+    CONTROLLER,
+    CONTROLLER_ALIVE,
+    EMULATOR,
+    KEYS,
+    LINK,
+    STOP,
+    Key,
+)
 from khepera_protocol.zenoh.payloads import Pose
 from khepera_protocol.zenoh.sample import Content, SampleWriter, json_content
 
@@ -11,22 +21,30 @@ from macor_hil.telemetry.examples import EXAMPLES
 class Session:
     """Gives time stamps and nothing else."""
 
-    def new_timestamp(self):
+    def new_timestamp(self) -> str:
         return "now"
 
 
 class Query:
     """A query; holds the answer to it."""
 
-    def __init__(self, parameters=""):
+    def __init__(self, parameters: str = "") -> None:
         self.parameters = parameters
-        self.answer = None
+        self.answer: Any = None
 
-    def reply(self, *answer, **more):
+    def reply(self, *answer: object, **more: object) -> None:
         self.answer = answer, more
 
 
-def test_keys_of_a_robot():
+def writer_of(key: Key) -> SampleWriter:
+    return SampleWriter(cast(zenoh.Session, Session()), key, "r1")
+
+
+def as_query(query: Query) -> zenoh.Query:
+    return cast(zenoh.Query, query)
+
+
+def test_keys_of_a_robot() -> None:
     assert [key.of("r1") for key in KEYS] == [
         *(f"khepera/r1/{leaf}" for leaf in ("camera", "truth", "reset", "arena", "wire", "alive")),
         *(f"macor/r1/{leaf}" for leaf in ("frame", "decision", "map", "state", "link", "stop")),
@@ -35,7 +53,7 @@ def test_keys_of_a_robot():
     assert CONTROLLER_ALIVE.pattern == "macor/<robot>/alive"
 
 
-def test_a_payload_is_json_with_the_name_of_its_schema():
+def test_a_payload_is_json_with_the_name_of_its_schema() -> None:
     data, encoding = json_content(EMULATOR, Pose(x=0.5, y=-1.0, heading=0.0))
     assert data == b'{"x":0.5,"y":-1.0,"heading":0.0}'
     assert str(encoding) == "application/json;khepera.Pose"
@@ -43,18 +61,18 @@ def test_a_payload_is_json_with_the_name_of_its_schema():
     assert (str(json_content(CONTROLLER, link).encoding),) == LINK.encodings
 
 
-def test_samples_are_numbered_and_stamped():
-    writer = SampleWriter(Session(), LINK, "r1")
+def test_samples_are_numbered_and_stamped() -> None:
+    writer = writer_of(LINK)
     content = Content(b"{}", zenoh.Encoding.APPLICATION_JSON)
     assert writer.name == "macor/r1/link"
     stamps = [writer.sample(content, time).stamp for time in (0.25, 7.0)]
     assert stamps == ['{"sequence":0,"time":0.25}', '{"sequence":1,"time":7.0}']
 
 
-def test_a_query_gets_the_sample_as_it_is():
-    writer, query = SampleWriter(Session(), LINK, "r1"), Query()
+def test_a_query_gets_the_sample_as_it_is() -> None:
+    writer, query = writer_of(LINK), Query()
     sample = writer.sample(Content(b"\xff", zenoh.Encoding.IMAGE_JPEG), 1.5)
-    writer.reply(query, sample)
+    writer.reply(as_query(query), sample)
     assert query.answer[0] == ("macor/r1/link", b"\xff")
     assert query.answer[1] == {
         "encoding": zenoh.Encoding.IMAGE_JPEG,
@@ -63,10 +81,10 @@ def test_a_query_gets_the_sample_as_it_is():
     }
 
 
-def test_only_keys_of_json_describe_themselves():
+def test_only_keys_of_json_describe_themselves() -> None:
     described, plain, picture = Query("describe"), Query(), Query("describe")
-    assert SampleWriter(Session(), LINK, "r1").describe(described)
+    assert writer_of(LINK).describe(as_query(described))
     assert str(described.answer[1]["encoding"]) == "application/schema+json"
-    assert not SampleWriter(Session(), LINK, "r1").describe(plain)
-    assert not SampleWriter(Session(), STOP, "r1").describe(picture)
+    assert not writer_of(LINK).describe(as_query(plain))
+    assert not writer_of(STOP).describe(as_query(picture))
     assert plain.answer is picture.answer is None

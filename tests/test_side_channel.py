@@ -3,8 +3,10 @@
 import json
 import os
 import subprocess
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import isclose
+from pathlib import Path
 from queue import Queue
 
 import cv2
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 import serial
 import zenoh
+from as_type import not_none
 from emulator_process import COMMAND, PATIENCE, emulator, free_endpoint
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.config import zenoh_config
@@ -21,6 +24,7 @@ from khepera_protocol.zenoh.payloads import (
     Stamp,
     Truth,
     Wire,
+    WireEntry,
 )
 
 from khepera_emulator.app.side_channel import SideChannel
@@ -32,13 +36,13 @@ START = load_arena("corridor").start
 
 
 @contextmanager
-def session(listen=(), connect=()):
+def session(listen: Sequence[str] = (), connect: Sequence[str] = ()) -> Iterator[zenoh.Session]:
     with zenoh.open(zenoh.Config.from_json5(zenoh_config(listen, connect))) as opened:
         yield opened
 
 
 @pytest.fixture(scope="module")
-def endpoint():
+def endpoint() -> Iterator[str]:
     """The endpoint of an emulator."""
     place = free_endpoint()
     with emulator(*("--listen", place, "--seed", "1", "--camera-rate", "50")):
@@ -46,52 +50,53 @@ def endpoint():
 
 
 @pytest.fixture
-def peer(endpoint):
+def peer(endpoint: str) -> Iterator[zenoh.Session]:
     """A session that knows the emulator."""
     with session(connect=[endpoint]) as opened:
         wait_for(opened, "khepera/khepera/alive")
         yield opened
 
 
-def wait_for(opened, key):
+def wait_for(opened: zenoh.Session, key: str) -> None:
     """Return when a liveliness token is there."""
-    alive = Queue()
+    alive: Queue[zenoh.Sample] = Queue()
     with opened.liveliness().declare_subscriber(key, alive.put, history=True):
         assert alive.get(timeout=PATIENCE).kind == zenoh.SampleKind.PUT
 
 
-def query(peer, leaf, payload=None):
+def query(peer: zenoh.Session, leaf: str, payload: bytes | str | None = None) -> zenoh.Reply:
     (reply,) = peer.get(f"khepera/khepera/{leaf}", payload=payload, timeout=PATIENCE)
     return reply
 
 
-def sample_of(peer, leaf, payload=None):
+def sample_of(peer: zenoh.Session, leaf: str, payload: bytes | str | None = None) -> zenoh.Sample:
     reply = query(peer, leaf, payload)
-    assert reply.ok is not None, reply.err.payload.to_string()
+    assert reply.ok is not None, not_none(reply.err).payload.to_string()
     return reply.ok
 
 
-def refusal_of(peer, leaf, payload):
+def refusal_of(peer: zenoh.Session, leaf: str, payload: bytes | str | None) -> str:
     reply = query(peer, leaf, payload)
     assert reply.ok is None
-    return reply.err.payload.to_string()
+    return not_none(reply.err).payload.to_string()
 
 
-def truth_of(sample):
+def truth_of(sample: zenoh.Sample) -> Truth:
     assert str(sample.encoding) == "application/json;khepera.Truth"
     return Truth.model_validate_json(sample.payload.to_bytes())
 
 
-def stamp_of(sample):
-    return Stamp.model_validate_json(sample.attachment.to_bytes())
+def stamp_of(sample: zenoh.Sample) -> Stamp:
+    return Stamp.model_validate_json(not_none(sample.attachment).to_bytes())
 
 
-def decode(sample):
-    return cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_COLOR)
+def decode(sample: zenoh.Sample) -> np.ndarray:
+    data = np.frombuffer(sample.payload.to_bytes(), np.uint8)
+    return not_none(cv2.imdecode(data, cv2.IMREAD_COLOR))
 
 
 class TestLifetime:
-    def test_a_channel_beside_another_goes_alone(self, tmp_path):
+    def test_a_channel_beside_another_goes_alone(self, tmp_path: Path) -> None:
         """Its descriptor may be another file's by the time that somebody asks for it."""
         place = free_endpoint()
         log = tmp_path / "log"
@@ -113,7 +118,9 @@ class TestLifetime:
 
 class TestCamera:
     @pytest.mark.parametrize("request_payload", [None, "{}", '{"view": "mirror"}'])
-    def test_gives_a_lossless_mirror_image(self, peer, request_payload):
+    def test_gives_a_lossless_mirror_image(
+        self, peer: zenoh.Session, request_payload: str | None
+    ) -> None:
         sample = sample_of(peer, "camera", request_payload)
         assert sample.encoding == zenoh.Encoding.IMAGE_PNG
         image = decode(sample)
@@ -121,13 +128,13 @@ class TestCamera:
         assert not image[0, 0].any()  # outside the mirror
         assert image[Mirror().height // 4, Mirror().width // 2].any()
 
-    def test_gives_a_panorama_as_jpeg(self, peer):
+    def test_gives_a_panorama_as_jpeg(self, peer: zenoh.Session) -> None:
         sample = sample_of(peer, "camera", '{"view": "panorama", "encoding": "jpeg"}')
         assert sample.encoding == zenoh.Encoding.IMAGE_JPEG
         height, width, _ = decode(sample).shape
         assert width > height
 
-    def test_shows_the_moment_of_the_query(self, peer):
+    def test_shows_the_moment_of_the_query(self, peer: zenoh.Session) -> None:
         sample_of(peer, "reset", json.dumps({"seed": 3}))
         ahead = decode(sample_of(peer, "camera")).astype(int)
         again = decode(sample_of(peer, "camera")).astype(int)
@@ -145,11 +152,13 @@ class TestCamera:
             (b"\xff\xfe", "the payload: Invalid JSON"),
         ],
     )
-    def test_refuses_what_it_does_not_understand(self, peer, payload, sentence):
+    def test_refuses_what_it_does_not_understand(
+        self, peer: zenoh.Session, payload: bytes | str, sentence: str
+    ) -> None:
         assert refusal_of(peer, "camera", payload).startswith(sentence)
 
-    def test_streams_numbered_frames_while_someone_listens(self, peer):
-        frames = Queue()
+    def test_streams_numbered_frames_while_someone_listens(self, peer: zenoh.Session) -> None:
+        frames: Queue[zenoh.Sample] = Queue()
         with peer.declare_subscriber("khepera/khepera/camera", frames.put):
             seen = [frames.get(timeout=PATIENCE) for _ in range(3)]
         assert {str(frame.encoding) for frame in seen} == {"image/jpeg"}
@@ -163,33 +172,33 @@ class TestCamera:
 
 
 class TestTruth:
-    def test_is_told_with_its_time_and_number(self, peer):
+    def test_is_told_with_its_time_and_number(self, peer: zenoh.Session) -> None:
         samples = [sample_of(peer, "truth") for _ in range(2)]
         first, second = map(stamp_of, samples)
         assert second.sequence == first.sequence + 1
         assert second.time > first.time
         assert truth_of(samples[0]).time == first.time
 
-    def test_is_streamed_while_someone_listens(self, peer):
-        truths = Queue()
+    def test_is_streamed_while_someone_listens(self, peer: zenoh.Session) -> None:
+        truths: Queue[zenoh.Sample] = Queue()
         with peer.declare_subscriber("khepera/khepera/truth", truths.put):
             seen = [truths.get(timeout=PATIENCE) for _ in range(2)]
         assert truth_of(seen[1]).time > truth_of(seen[0]).time
 
 
 class TestReset:
-    def test_puts_the_robot_where_it_is_told(self, peer):
+    def test_puts_the_robot_where_it_is_told(self, peer: zenoh.Session) -> None:
         wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
         truth = truth_of(sample_of(peer, "reset", json.dumps({"pose": wanted})))
         assert truth.pose.model_dump() == pytest.approx(wanted)
         assert truth_of(sample_of(peer, "truth")).pose == truth.pose
 
-    def test_goes_to_the_start_by_default(self, peer):
+    def test_goes_to_the_start_by_default(self, peer: zenoh.Session) -> None:
         pose = truth_of(sample_of(peer, "reset", "{}")).pose
         assert (pose.x, pose.y) == (START.x, START.y)
 
     @pytest.mark.parametrize("payload", [None, ""])
-    def test_takes_a_payload_that_says_so(self, peer, payload):
+    def test_takes_a_payload_that_says_so(self, peer: zenoh.Session, payload: str | None) -> None:
         assert refusal_of(peer, "reset", payload) == (
             "khepera/khepera/reset takes a payload that says what to do, if only {}: a Reset in"
             " JSON, see docs/keys.md"
@@ -199,7 +208,9 @@ class TestReset:
         "selector", ["khepera/**", "**", "khepera/*/reset", "khepera/khepera/re$*"]
     )
     @pytest.mark.parametrize("payload", [None, "{}"])
-    def test_does_not_come_from_a_look_around(self, peer, selector, payload):
+    def test_does_not_come_from_a_look_around(
+        self, peer: zenoh.Session, selector: str, payload: str | None
+    ) -> None:
         wanted = {"x": 0.3, "y": 0.02, "heading": -0.5}
         sample_of(peer, "reset", json.dumps({"pose": wanted}))
         replies = list(peer.get(selector, payload=payload, timeout=PATIENCE))
@@ -209,7 +220,7 @@ class TestReset:
         assert ("khepera/khepera/truth" in told) == ("re" not in selector)
         assert truth_of(sample_of(peer, "truth")).pose.model_dump() == pytest.approx(wanted)
 
-    def test_with_a_seed_depends_on_nothing_before(self, peer):
+    def test_with_a_seed_depends_on_nothing_before(self, peer: zenoh.Session) -> None:
         request = json.dumps({"seed": 7, "random": True})
         first = truth_of(sample_of(peer, "reset", request))
         truth_of(sample_of(peer, "reset", json.dumps({"random": True})))
@@ -235,14 +246,18 @@ class TestReset:
             (" " * 20_000, "the payload has 20,000 bytes, and 10,000 at most are read"),
         ],
     )
-    def test_refuses_clearly_and_changes_nothing(self, peer, payload, sentence):
+    def test_refuses_clearly_and_changes_nothing(
+        self, peer: zenoh.Session, payload: str, sentence: str
+    ) -> None:
         before = truth_of(sample_of(peer, "reset", "{}"))
         assert refusal_of(peer, "reset", payload).startswith(sentence)
         assert truth_of(sample_of(peer, "truth")).pose == before.pose
 
     @pytest.mark.parametrize("field", ["x", "y", "heading"])
     @pytest.mark.parametrize("value", ["1e308", "-1e155", "1e400", "NaN"])
-    def test_numbers_beyond_all_bounds_do_not_end_the_emulator(self, peer, field, value):
+    def test_numbers_beyond_all_bounds_do_not_end_the_emulator(
+        self, peer: zenoh.Session, field: str, value: str
+    ) -> None:
         pose = {"x": "0.3", "y": "0.0", "heading": "0.0", field: value}
         fields = ", ".join(f'"{name}": {number}' for name, number in pose.items())
         assert refusal_of(peer, "reset", f'{{"pose": {{{fields}}}}}')
@@ -250,7 +265,7 @@ class TestReset:
 
 
 class TestTogether:
-    def test_line_drives_what_truth_tells(self):
+    def test_line_drives_what_truth_tells(self) -> None:
         place = free_endpoint()
         with (
             emulator("--listen", place, "--robot", "second", "--drift", "none") as running,
@@ -265,16 +280,16 @@ class TestTogether:
                 line = port.read_until(b"\n")
                 moved = int(line.split(b",")[1]) if line.startswith(b"h,") else 0
             (reply,) = peer.get("khepera/second/truth", timeout=PATIENCE)
-            pose = truth_of(reply.ok).pose
+            pose = truth_of(not_none(reply.ok)).pose
             assert pose.x >= START.x + moved * 0.08e-3
             assert isclose(pose.y, START.y, abs_tol=1e-3)
 
-    def test_peers_find_each_other_through_the_emulator(self, endpoint):
+    def test_peers_find_each_other_through_the_emulator(self, endpoint: str) -> None:
         with (
             session(listen=[free_endpoint()], connect=[endpoint]) as controller,
             session(connect=[endpoint]) as monitor,
         ):
-            found = Queue()
+            found: Queue[zenoh.Sample] = Queue()
             token = controller.liveliness().declare_token("macor/khepera/alive")
             with monitor.liveliness().declare_subscriber(
                 "macor/khepera/alive", found.put, history=True
@@ -282,14 +297,14 @@ class TestTogether:
                 assert found.get(timeout=PATIENCE).kind == zenoh.SampleKind.PUT
             token.undeclare()
 
-    def test_peer_may_come_later_and_again(self):
+    def test_peer_may_come_later_and_again(self) -> None:
         later = free_endpoint()
         with emulator("--listen", free_endpoint(), "--connect", later):
             for _ in range(2):
                 with session(listen=[later]) as peer:
                     wait_for(peer, "khepera/khepera/alive")
 
-    def test_endpoint_in_use_is_one_sentence(self, endpoint):
+    def test_endpoint_in_use_is_one_sentence(self, endpoint: str) -> None:
         second = subprocess.run(
             [*COMMAND, "--listen", endpoint],
             capture_output=True,
@@ -304,7 +319,7 @@ class TestTogether:
 
 
 class TestArena:
-    def test_is_told_to_be_drawn(self, peer):
+    def test_is_told_to_be_drawn(self, peer: zenoh.Session) -> None:
         outline = Outline.model_validate_json(sample_of(peer, "arena").payload.to_bytes())
         assert outline.title == load_arena("corridor").title
         assert (outline.start.x, outline.start.y) == (START.x, START.y)
@@ -316,18 +331,19 @@ class TestArena:
 
 
 class TestWire:
-    def test_what_passes_on_the_line_is_published_and_kept_for_queries(self):
+    def test_what_passes_on_the_line_is_published_and_kept_for_queries(self) -> None:
         place = free_endpoint()
         with (
             emulator("--listen", place) as robot,
             session(connect=[place]) as peer,
             serial.Serial(robot.path, 9600, timeout=PATIENCE) as port,
         ):
-            samples = Queue()
+            samples: Queue[zenoh.Sample] = Queue()
             peer.declare_subscriber("khepera/khepera/wire", samples.put)
             port.write(b"B\n")
             assert port.readline().startswith(b"b,")
-            entries, replies = [], ""
+            entries: list[WireEntry] = []
+            replies = ""
             while not replies.endswith("\n"):
                 wire = Wire.model_validate_json(samples.get(timeout=PATIENCE).payload.to_bytes())
                 assert wire.first == len(entries)
@@ -342,7 +358,7 @@ class TestWire:
 
 
 class TestWireTap:
-    def test_keeps_the_latest_entries_and_numbers_all(self):
+    def test_keeps_the_latest_entries_and_numbers_all(self) -> None:
         tap = WireTap()
         for number in range(MOST_ENTRIES + 3):
             tap.request(float(number), b"N\n")
@@ -352,13 +368,13 @@ class TestWireTap:
         assert [entry.time for entry in late.entries] == [MOST_ENTRIES + 2.0]
         assert tap.since(tap.count).entries == []
 
-    def test_settings_are_told_when_they_are_new(self):
+    def test_settings_are_told_when_they_are_new(self) -> None:
         tap = WireTap()
         for baud in (9600, 9600, 19200):
             tap.line(1.0, LineFormat(baud, 8, "N", 2.0))
         assert [entry.text for entry in tap.since(0).entries] == ["9600 8N2", "19200 8N2"]
 
-    def test_what_is_told_at_once_has_an_end(self):
+    def test_what_is_told_at_once_has_an_end(self) -> None:
         tap = WireTap()
         for number in range(100):
             tap.request(float(number), b"x" * 50_000)
@@ -367,7 +383,7 @@ class TestWireTap:
         assert {len(entry.text) for entry in wire.entries} == {MOST_TEXT}
         assert Wire.parse(wire.model_dump_json().encode()) == wire
 
-    def test_bytes_that_are_no_text_are_kept(self):
+    def test_bytes_that_are_no_text_are_kept(self) -> None:
         tap = WireTap()
         tap.reply(1.0, bytes(range(256)))
         (entry,) = tap.since(0).entries

@@ -8,18 +8,18 @@ from worlds import arena
 
 from khepera_emulator.arenas.arena import Wall
 from khepera_emulator.world.floor_plan import NEAR, FloorPlan, Surroundings
-from khepera_emulator.world.solids import Brick, Disc, wall_boxes
+from khepera_emulator.world.solids import Box, Brick, Disc, wall_boxes
 
-SOLIDS = {
+SOLIDS: dict[str, Box | Disc | Brick] = {
     "box": wall_boxes(Wall(points=[(0.1, 0.0), (0.2, 0.1)], thickness=0.03))[0],
     "disc": Disc(0.1, -0.05, 0.04, 0.5),
     "brick": Brick(-0.05, 0.1, 0.4, (0.06, 0.02), 0.5),
 }
 
 
-def cast(solid, places, rays):
+def cast(solid: Box | Disc | Brick, places: np.ndarray, rays: np.ndarray) -> np.ndarray:
     """Distances by arrays."""
-    if solid is SOLIDS["box"]:
+    if isinstance(solid, Box):
         solid = Brick(
             solid.x,
             solid.y,
@@ -31,7 +31,7 @@ def cast(solid, places, rays):
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_a_ray_goes_as_far_as_in_arrays(name):
+def test_a_ray_goes_as_far_as_in_arrays(name: str) -> None:
     rng = np.random.default_rng(0)
     places = rng.uniform(-0.2, 0.3, (2000, 2))
     angles = rng.uniform(-pi, pi, len(places))
@@ -47,7 +47,7 @@ def test_a_ray_goes_as_far_as_in_arrays(name):
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_the_way_toward_a_solid_is_the_shortest_one(name):
+def test_the_way_toward_a_solid_is_the_shortest_one(name: str) -> None:
     solid = SOLIDS[name]
     angles = np.linspace(-pi, pi, 3600)
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -66,12 +66,12 @@ def test_the_way_toward_a_solid_is_the_shortest_one(name):
     assert inside > 0
 
 
-def test_a_disc_s_middle_has_a_way_out():
+def test_a_disc_s_middle_has_a_way_out() -> None:
     gap, nx, ny = Disc(0.1, 0.2, 0.05, 1.0).toward(0.1, 0.2)
     assert (gap, nx**2 + ny**2) == (-0.05, 1.0)
 
 
-def test_near_is_what_is_within_reach_and_nothing_is_forgotten():
+def test_near_is_what_is_within_reach_and_nothing_is_forgotten() -> None:
     plan = FloorPlan(
         arena(
             wall=[{"points": [[-1.0, -0.5], [1.0, -0.5], [1.2, 0.4], [-0.4, 0.5]]}],
@@ -81,7 +81,7 @@ def test_near_is_what_is_within_reach_and_nothing_is_forgotten():
             ],
         )
     )
-    everything = [*plan.boxes, *(Disc(*post, 1.0) for post in plan.posts)]
+    everything: list[Box | Disc] = [*plan.boxes, *(Disc(*post, 1.0) for post in plan.posts)]
     mover, own = Disc(0.0, 0.0, 0.03, 0.5), Disc(0.1, 0.0, 0.03, 0.5)
     scene = Surroundings(plan, [mover, own], own)
     for x, y in np.random.default_rng(2).uniform(-1.5, 2.5, (500, 2)).tolist():
@@ -94,7 +94,7 @@ def test_near_is_what_is_within_reach_and_nothing_is_forgotten():
             assert scene.near(x, y, reach) == [*plan.near(x, y, reach), *movers]
 
 
-def test_a_brick_turns():
+def test_a_brick_turns() -> None:
     brick = Brick(0.0, 0.0, 0.0, (0.1, 0.02), 1.0)
     assert brick.gap(0.1, 0.0) == pytest.approx(0.05)
     brick.turn(pi / 2)

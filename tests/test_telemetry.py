@@ -7,12 +7,15 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from queue import SimpleQueue
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import zenoh
+from as_type import not_none
 from controller_helpers import (
     PATIENCE,
     a_decision,
@@ -41,15 +44,15 @@ FRAME, DECISION, STATE = (f"macor/khepera/{leaf}" for leaf in ("frame", "decisio
 
 
 @pytest.fixture
-def endpoint():
+def endpoint() -> str:
     return free_endpoint()
 
 
-def stamp(sample):
-    return Stamp.model_validate_json(sample.attachment.to_bytes())
+def stamp(sample: zenoh.Sample) -> Stamp:
+    return Stamp.model_validate_json(not_none(sample.attachment).to_bytes())
 
 
-def test_a_decision_arrives_as_it_was_with_encoding_stamp_and_timestamp(endpoint):
+def test_a_decision_arrives_as_it_was_with_encoding_stamp_and_timestamp(endpoint: str) -> None:
     with publishing(endpoint) as (session, publisher), watching(endpoint, DECISION) as (_, samples):
         wait_until_watched(session, DECISION)
         for sequence in (0, 1):
@@ -62,20 +65,22 @@ def test_a_decision_arrives_as_it_was_with_encoding_stamp_and_timestamp(endpoint
             assert sample.timestamp is not None
 
 
-def test_a_frame_arrives_as_a_jpeg_with_its_own_time(endpoint):
+def test_a_frame_arrives_as_a_jpeg_with_its_own_time(endpoint: str) -> None:
     with publishing(endpoint) as (session, publisher), watching(endpoint, FRAME) as (_, samples):
         wait_until_watched(session, FRAME)
         publisher.frame(a_frame(time=0.25))
         sample = receive(samples)
     image = cv2.imdecode(np.frombuffer(sample.payload.to_bytes(), np.uint8), cv2.IMREAD_COLOR)
-    assert image.shape == (16, 16, 3)
-    assert abs(int(image.mean()) - 128) < 3
+    assert not_none(image).shape == (16, 16, 3)
+    assert abs(int(not_none(image).mean()) - 128) < 3
     assert sample.encoding == zenoh.Encoding.IMAGE_JPEG
     assert stamp(sample) == Stamp(sequence=0, time=0.25)
     assert sample.timestamp is not None
 
 
-def test_nothing_is_encoded_while_nobody_listens(endpoint, monkeypatch):
+def test_nothing_is_encoded_while_nobody_listens(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     encoded = []
     monkeypatch.setattr(cv2, "imencode", lambda *args: encoded.append(args))
     with publishing(endpoint) as (_, publisher):
@@ -83,18 +88,18 @@ def test_nothing_is_encoded_while_nobody_listens(endpoint, monkeypatch):
     assert not encoded
 
 
-def test_a_watched_camera_publishes_what_it_gives():
+def test_a_watched_camera_publishes_what_it_gives() -> None:
     class Camera:
         live = True
         closed = False
 
-        def grab(self):
+        def grab(self) -> Frame:
             return a_frame()
 
-        def close(self):
+        def close(self) -> None:
             self.closed = True
 
-    published = []
+    published: list[Frame] = []
     camera = Camera()
     watched = PublishingCamera(camera, published.append)
     assert published == [watched.grab()]
@@ -102,7 +107,7 @@ def test_a_watched_camera_publishes_what_it_gives():
     assert camera.closed
 
 
-def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint):
+def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint: str) -> None:
     with publishing(endpoint) as (_, publisher):
         publisher.decision(a_decision(0))
         publisher.decision(a_decision(1))
@@ -117,7 +122,9 @@ def test_a_late_joiner_gets_the_latest_decision_and_state(endpoint):
             assert stamp(state) == Stamp(sequence=0, time=9.0)
 
 
-def test_an_answer_does_not_overtake_what_is_on_its_way(endpoint, monkeypatch):
+def test_an_answer_does_not_overtake_what_is_on_its_way(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sent = threading.Event()
     with publishing(endpoint) as (_, publisher), watching(endpoint) as (session,):
         monkeypatch.setattr(publisher._frames, "put", lambda _: sent.wait(PATIENCE))
@@ -129,7 +136,7 @@ def test_an_answer_does_not_overtake_what_is_on_its_way(endpoint, monkeypatch):
         assert ask_until(session, DECISION, stamp)
 
 
-def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoint):
+def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoint: str) -> None:
     with (
         publishing(endpoint) as (session, publisher),
         watching(endpoint, DECISION) as (watcher, samples),
@@ -139,27 +146,29 @@ def test_the_answer_to_a_query_is_known_as_the_sample_that_was_published(endpoin
         assert ask_until(watcher, DECISION, stamp).timestamp == receive(samples).timestamp
 
 
-def test_a_query_before_the_first_decision_is_told_so(endpoint):
+def test_a_query_before_the_first_decision_is_told_so(endpoint: str) -> None:
     with publishing(endpoint), watching(endpoint) as (session,):
-        assert ask(session, DECISION).err.payload.to_string() == "no decision yet"
+        assert not_none(ask(session, DECISION).err).payload.to_string() == "no decision yet"
 
 
 @pytest.mark.parametrize(("key", "payload"), [(DECISION, a_decision()), (STATE, a_state())])
-def test_describe_gives_the_schema_of_the_payload(endpoint, key, payload):
+def test_describe_gives_the_schema_of_the_payload(
+    endpoint: str, key: str, payload: Decision | State
+) -> None:
     with publishing(endpoint), watching(endpoint) as (session,):
         reply = ask(session, f"{key}?describe").ok
-    assert str(reply.encoding) == "application/schema+json"
-    schema = json.loads(reply.payload.to_string())
+    assert str(not_none(reply).encoding) == "application/schema+json"
+    schema = json.loads(not_none(reply).payload.to_string())
     check(json.loads(payload.model_dump_json()), schema)
     with pytest.raises(AssertionError):
         check({**json.loads(payload.model_dump_json()), "unknown": 1}, schema)
 
 
-def check(value, schema):
+def check(value: Any, schema: dict[str, Any]) -> None:
     """Assert that a value follows a schema."""
     if "enum" in schema:
         assert value in schema["enum"]
-    kinds = {
+    kinds: dict[str, Any] = {
         "object": dict,
         "array": list,
         "string": str,
@@ -179,7 +188,7 @@ def check(value, schema):
             check(item, schema["items"])
 
 
-def looks_and_puts(session):
+def looks_and_puts(session: zenoh.Session) -> Iterator[list[zenoh.Reply]]:
     """All that is no wish to end the run of khepera, on the stop key and on keys that match it."""
     for selector in ("**", "macor/**", "macor/*/stop", "macor/khepera/stop", "macor/khepera/sto$*"):
         for payload in (None, "stop", "{}", '{"stop": false}', '{"stop": true, "more": 1}'):
@@ -193,15 +202,16 @@ def looks_and_puts(session):
     session.delete("macor/khepera/stop")
 
 
-def test_a_look_at_all_keys_ends_no_run_that_has_a_stop_key(endpoint):
-    asked, told = [], SimpleQueue()
+def test_a_look_at_all_keys_ends_no_run_that_has_a_stop_key(endpoint: str) -> None:
+    asked: list[str] = []
+    told: SimpleQueue[zenoh.Sample] = SimpleQueue()
     with (
         open_session([endpoint], []) as session,
         StopKey(session, "khepera", asked.append),
         open_session([], [endpoint]) as other,
     ):
         for replies in looks_and_puts(other):
-            assert all("with the payload" in r.err.payload.to_string() for r in replies)
+            assert all("with the payload" in not_none(r.err).payload.to_string() for r in replies)
         # who is heard after all of these has come after them
         session.declare_subscriber("end", told.put)
         wait_until_watched(other, "end")
@@ -212,8 +222,8 @@ def test_a_look_at_all_keys_ends_no_run_that_has_a_stop_key(endpoint):
         assert asked == ["the stop key"]
 
 
-def test_a_sample_with_the_wish_on_the_very_key_ends_a_run(endpoint):
-    asked = SimpleQueue()
+def test_a_sample_with_the_wish_on_the_very_key_ends_a_run(endpoint: str) -> None:
+    asked: SimpleQueue[str] = SimpleQueue()
     with (
         open_session([endpoint], []) as session,
         StopKey(session, "khepera", asked.put),
@@ -224,8 +234,8 @@ def test_a_sample_with_the_wish_on_the_very_key_ends_a_run(endpoint):
         assert receive(asked) == "the stop key"
 
 
-def test_a_controller_that_does_not_let_itself_be_stopped_says_why(endpoint):
-    def answer(query):
+def test_a_controller_that_does_not_let_itself_be_stopped_says_why(endpoint: str) -> None:
+    def answer(query: zenoh.Query) -> None:
         with query:
             query.reply_err(b"\x1b[31mno\xff")
 
@@ -238,9 +248,9 @@ def test_a_controller_that_does_not_let_itself_be_stopped_says_why(endpoint):
             ask_to_stop(other, "khepera")
 
 
-def test_liveliness_tells_of_coming_and_going(endpoint):
+def test_liveliness_tells_of_coming_and_going(endpoint: str) -> None:
     with open_session([endpoint], []) as session:
-        samples = SimpleQueue()
+        samples: SimpleQueue[zenoh.Sample] = SimpleQueue()
         session.liveliness().declare_subscriber("macor/khepera/alive", samples.put, history=True)
         with open_session([], [endpoint]) as other, Publisher(other, "khepera"):
             assert receive(samples).kind == zenoh.SampleKind.PUT
@@ -257,7 +267,7 @@ with open_session([], [sys.argv[1]]) as session:
 """
 
 
-def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
+def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint: str) -> None:
     noise = np.random.default_rng(1).integers(0, 256, (200, 200, 3)).astype(np.uint8)
     frame = Frame(noise, 0.0, 0)  # a thousand of some 40 kB: more than the link's buffers hold
     with publishing(endpoint) as (session, publisher):
@@ -268,7 +278,7 @@ def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
             text=True,
         )
         try:
-            assert watcher.stdout.readline() == "listening\n"
+            assert not_none(watcher.stdout).readline() == "listening\n"
             wait_until_watched(session, FRAME, DECISION)
             os.kill(watcher.pid, signal.SIGSTOP)
             longest = 0.0
@@ -283,7 +293,7 @@ def test_a_stuck_watcher_does_not_hold_up_the_controller(endpoint):
     assert longest < 1.0  # a blocking put waits for five seconds
 
 
-def test_an_endpoint_in_use_is_one_clear_sentence(endpoint):
+def test_an_endpoint_in_use_is_one_clear_sentence(endpoint: str) -> None:
     with (
         open_session([endpoint], []),
         pytest.raises(TelemetryError) as failure,
@@ -297,15 +307,17 @@ def test_an_endpoint_in_use_is_one_clear_sentence(endpoint):
     assert isinstance(failure.value, MacorError)
 
 
-def test_a_malformed_endpoint_is_one_clear_sentence():
+def test_a_malformed_endpoint_is_one_clear_sentence() -> None:
     refused = pytest.raises(TelemetryError, match=r"nonsense.*looks like tcp/")
     with refused, open_session(["nonsense"], []):
         pass
 
 
-def test_a_session_that_does_not_close_is_told_and_no_more(endpoint, monkeypatch, caplog):
+def test_a_session_that_does_not_close_is_told_and_no_more(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     class Stubborn:
-        def close(self):
+        def close(self) -> None:
             raise zenoh.ZError("close operation timed out! at /somewhere.rs:1.")
 
     monkeypatch.setattr(zenoh, "open", lambda _: Stubborn())
@@ -315,11 +327,11 @@ def test_a_session_that_does_not_close_is_told_and_no_more(endpoint, monkeypatch
 
 
 @pytest.mark.parametrize("name", ["", "*", "a/b", "a b", "robot#1", "rob\not"])
-def test_a_robot_needs_a_name_that_can_be_a_key(endpoint, name):
+def test_a_robot_needs_a_name_that_can_be_a_key(endpoint: str, name: str) -> None:
     with pytest.raises(TelemetryError), publishing(endpoint, name):
         pass
 
 
-def test_a_decision_takes_eight_infrared_readings():
+def test_a_decision_takes_eight_infrared_readings() -> None:
     with pytest.raises(ValidationError):
         a_decision(infrared=[1, 2, 3])

@@ -67,7 +67,7 @@ def test_damaged_toml_raises_nothing_else(data: bytes) -> None:
         parse_toml(data)
 
 
-def test_logs_show_what_a_terminal_would_obey():
+def test_logs_show_what_a_terminal_would_obey() -> None:
     formatter = PrintableFormatter("%(levelname)s: %(message)s")
     try:
         raise ValueError("\x1b[31m\rred")

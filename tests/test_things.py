@@ -1,12 +1,16 @@
 """Things that robots push: how they move, who sees them, and that the seed decides it all."""
 
+from collections.abc import Callable, Iterator
 from math import degrees, hypot, pi, radians
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet
 import pytest
+from as_type import as_type
 from khepera_protocol.mirror import Mirror
-from khepera_protocol.zenoh.payloads import Pose, Reset, WheelDrift
+from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, Solid, Truth, WheelDrift
 from test_khepera_url import ask, open_port, session
 from worlds import arena
 
@@ -17,6 +21,7 @@ from khepera_emulator.robot.periods import is_moving, run_periods
 from khepera_emulator.robot.robot import Robot
 from khepera_emulator.senses.camera import HEIGHT, OmniCamera
 from khepera_emulator.senses.renderers.faces import FacesRenderer
+from khepera_emulator.world.solids import Brick, Disc
 from khepera_emulator.world.world import BODY_GROUP, RAY_GROUP, World
 
 IDEAL = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
@@ -30,32 +35,32 @@ HALF = {"box": 0.02, "post": 0.0125, "ball": 0.02}
 class Bench:
     """A robot among things, driven without a serial line."""
 
-    def __init__(self, *things, pose=ORIGIN, **parts):
+    def __init__(self, *things: dict[str, Any], pose: Pose = ORIGIN, **parts: Any) -> None:
         self.world = World(arena(object=list(things), **parts))
         self.robot = Robot(self.world, KHEPERA, pose, IDEAL, np.random.default_rng(0))
 
-    def drive(self, speed, seconds):
+    def drive(self, speed: int, seconds: float) -> None:
         for wheel in self.robot.wheels:
             wheel.drive_speed(speed)
         self.run(self.robot.ticks + round(seconds * 100))
 
-    def run(self, ticks):
+    def run(self, ticks: int) -> None:
         run_periods(self.world, [self.robot], ticks)
 
     @property
-    def moving(self):
+    def moving(self) -> bool:
         return is_moving(self.world, [self.robot])
 
     @property
-    def things(self):
+    def things(self) -> list[Brick | Disc]:
         return [thing.footprint for thing in self.world.things]
 
 
 @pytest.fixture
-def bench():
+def bench() -> Iterator[Callable[..., Bench]]:
     made = []
 
-    def make(*things, **parts):
+    def make(*things: dict[str, Any], **parts: Any) -> Bench:
         made.append(Bench(*things, **parts))
         return made[-1]
 
@@ -66,7 +71,9 @@ def bench():
 
 @pytest.mark.parametrize("thing", [BOX, POST, BALL], ids=lambda thing: thing["shape"])
 class TestPushing:
-    def test_moves_a_thing_ahead_of_the_robot(self, bench, thing):
+    def test_moves_a_thing_ahead_of_the_robot(
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
+    ) -> None:
         made = bench(thing)
         made.drive(5, 4.0)
         body, (place,) = made.robot.chassis, made.things
@@ -77,7 +84,9 @@ class TestPushing:
         assert abs(place.y) < 0.002
         assert made.robot.touched
 
-    def test_ends_when_the_robot_stops(self, bench, thing):
+    def test_ends_when_the_robot_stops(
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
+    ) -> None:
         made = bench(thing)
         made.drive(10, 1.3)
         made.drive(0, 3.0)
@@ -87,7 +96,9 @@ class TestPushing:
         made.drive(0, 1.0)
         assert (made.things[0].x, made.things[0].y) == pytest.approx(place, abs=1e-6)
 
-    def test_leaves_it_upright_on_the_floor(self, bench, thing):
+    def test_leaves_it_upright_on_the_floor(
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
+    ) -> None:
         made = bench(thing, pose=Pose(x=0.0, y=0.012, heading=0.0))
         made.drive(15, 1.5)
         (body,) = made.world.things
@@ -98,7 +109,9 @@ class TestPushing:
         assert z == pytest.approx(rise, abs=0.0005)
         assert pybullet.getEulerFromQuaternion(turn)[:2] == pytest.approx((0.0, 0.0), abs=0.01)
 
-    def test_stops_at_a_wall_and_so_does_the_robot(self, bench, thing):
+    def test_stops_at_a_wall_and_so_does_the_robot(
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
+    ) -> None:
         made = bench(thing, wall=[{"points": [[0.205, -1.0], [0.205, 1.0]]}])
         made.drive(10, 4.0)
         (place,) = made.things
@@ -106,14 +119,16 @@ class TestPushing:
         gap = place.x - made.robot.chassis.x - HALF[thing["shape"]]
         assert gap == pytest.approx(KHEPERA.radius, abs=0.001)
 
-    def test_nothing_moves_before_it_is_touched(self, bench, thing):
+    def test_nothing_moves_before_it_is_touched(
+        self, bench: Callable[..., Bench], thing: dict[str, Any]
+    ) -> None:
         made = bench(thing)
         made.drive(5, 0.8)
         assert not made.robot.touched
         assert (made.things[0].x, made.things[0].y) == tuple(thing["centre"])
 
 
-def test_a_ball_rolls_on_and_a_box_does_not(bench):
+def test_a_ball_rolls_on_and_a_box_does_not(bench: Callable[..., Bench]) -> None:
     ways = []
     for thing in (BALL, BOX):
         made = bench(thing)
@@ -125,13 +140,13 @@ def test_a_ball_rolls_on_and_a_box_does_not(bench):
     assert ways[0] > 0.03 > 0.015 > ways[1]
 
 
-def test_a_box_pushed_at_its_edge_turns(bench):
+def test_a_box_pushed_at_its_edge_turns(bench: Callable[..., Bench]) -> None:
     made = bench(BOX, pose=Pose(x=0.0, y=0.018, heading=0.0))
     made.drive(5, 4.0)
-    assert degrees(made.things[0].heading) < -10
+    assert degrees(as_type(Brick, made.things[0]).heading) < -10
 
 
-def test_a_heavy_thing_holds_a_robot(bench):
+def test_a_heavy_thing_holds_a_robot(bench: Callable[..., Bench]) -> None:
     made = bench({**BOX, "mass": 3.0})
     made.drive(10, 3.0)
     assert made.things[0].x < 0.103
@@ -141,7 +156,9 @@ def test_a_heavy_thing_holds_a_robot(bench):
 @pytest.mark.parametrize(
     "parts", [{"object": [{**BOX, "mass": 3.0}]}, {"wall": [{"points": [[0.1, -1], [0.1, 1]]}]}]
 )
-def test_a_robot_that_has_stopped_at_something_rests(parts):
+def test_a_robot_that_has_stopped_at_something_rests(
+    parts: dict[str, list[dict[str, list[list[float]] | object]]],
+) -> None:
     world = World(arena(**parts))
     robot = Robot(world, KHEPERA, ORIGIN, IDEAL, np.random.default_rng(0))
     for speed, ticks in ((10, 150), (0, 250)):
@@ -157,7 +174,7 @@ def test_a_robot_that_has_stopped_at_something_rests(parts):
     world.close()
 
 
-def test_a_thing_pushes_the_next(bench):
+def test_a_thing_pushes_the_next(bench: Callable[..., Bench]) -> None:
     made = bench(POST, {**BALL, "centre": [0.16, 0.0]})
     made.drive(10, 2.0)
     post, ball = made.things
@@ -165,7 +182,9 @@ def test_a_thing_pushes_the_next(bench):
     assert ball.x > post.x + 0.0125 + 0.02 - 0.001
 
 
-def test_a_robot_in_the_open_drives_as_exactly_as_without_things(bench):
+def test_a_robot_in_the_open_drives_as_exactly_as_without_things(
+    bench: Callable[..., Bench],
+) -> None:
     alone, among = bench(), bench({**BALL, "centre": [0.5, 0.5]})
     for made in (alone, among):
         made.robot.wheels[0].drive_speed(7)
@@ -175,7 +194,9 @@ def test_a_robot_in_the_open_drives_as_exactly_as_without_things(bench):
     assert among.robot.wheels[0].counter == alone.robot.wheels[0].counter
 
 
-def test_a_robot_in_the_open_drives_exactly_while_something_rolls(bench):
+def test_a_robot_in_the_open_drives_exactly_while_something_rolls(
+    bench: Callable[..., Bench],
+) -> None:
     made, alone = bench(BALL), bench()
     (ball,) = made.world.things
     pybullet.resetBaseVelocity(ball.body, [0.3, 0.1, 0], physicsClientId=made.world.client)
@@ -189,7 +210,7 @@ def test_a_robot_in_the_open_drives_exactly_while_something_rolls(bench):
     assert made.robot.chassis.pose == alone.robot.chassis.pose
 
 
-def test_time_passes_for_a_rolling_ball_while_the_robot_rests(bench):
+def test_time_passes_for_a_rolling_ball_while_the_robot_rests(bench: Callable[..., Bench]) -> None:
     made = bench(BALL)
     (ball,) = made.world.things
     pybullet.resetBaseVelocity(ball.body, [0.2, 0, 0], physicsClientId=made.world.client)
@@ -200,7 +221,7 @@ def test_time_passes_for_a_rolling_ball_while_the_robot_rests(bench):
     assert not made.moving
 
 
-def test_rays_equal_those_of_pybullet():
+def test_rays_equal_those_of_pybullet() -> None:
     parts = {
         "wall": [{"points": [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5]]}],
         "object": [
@@ -233,7 +254,7 @@ def test_rays_equal_those_of_pybullet():
     assert np.mean(grey == 120 / 255) > 0.02
 
 
-def test_clearance_is_the_distance_that_a_ray_finds():
+def test_clearance_is_the_distance_that_a_ray_finds() -> None:
     world = World(arena(object=[{**BOX, "heading": 40, "size": [0.1, 0.03]}, POST]))
     scene = world.scene()
     world.close()
@@ -246,7 +267,7 @@ def test_clearance_is_the_distance_that_a_ray_finds():
             assert clearance - 1e-9 <= distances.min() <= clearance + 1.2e-3
 
 
-def test_proximity_sees_a_thing_where_it_is_now(bench):
+def test_proximity_sees_a_thing_where_it_is_now(bench: Callable[..., Bench]) -> None:
     white, black = (
         bench({**BOX, "centre": [0.065, 0.0], "colour": [shade] * 3}) for shade in (1.0, 0.0)
     )
@@ -259,7 +280,7 @@ def test_proximity_sees_a_thing_where_it_is_now(bench):
     assert max(white.robot.proximity()) < 50
 
 
-def test_a_thing_throws_a_shadow_and_a_lamp_is_seen(bench):
+def test_a_thing_throws_a_shadow_and_a_lamp_is_seen(bench: Callable[..., Bench]) -> None:
     lamp = [{"centre": [0.3, 0.0]}]
     free, shaded = bench(lamp=lamp), bench(BOX, lamp=lamp)
     assert max(free.robot.ambient()[2:4]) < 420
@@ -275,11 +296,11 @@ def test_a_thing_throws_a_shadow_and_a_lamp_is_seen(bench):
     assert abs(changed.mean(axis=0)[1] - 119.5) < 3
 
 
-def test_the_camera_sees_a_thing_where_it_is_now(bench):
+def test_the_camera_sees_a_thing_where_it_is_now(bench: Callable[..., Bench]) -> None:
     made = bench({**BOX, "colour": [1, 0, 0]})
     camera = OmniCamera(made.world, np.random.default_rng(0), noise=0.0)
 
-    def red(pose):
+    def red(pose: Pose) -> tuple[int, Any]:
         picture = camera.panorama(pose).astype(int)
         where = np.argwhere((picture[:, :, 2] > 100) & (picture[:, :, 1] < 30))
         return len(where), where[:, 1].mean() if len(where) else None
@@ -311,13 +332,13 @@ mass = 0.005
 
 
 @pytest.fixture
-def url(tmp_path):
+def url(tmp_path: Path) -> str:
     path = tmp_path / "things.toml"
     path.write_text(THINGS)
     return f"khepera://{path}?seed=7"
 
 
-def test_a_seeded_reset_puts_everything_back(url):
+def test_a_seeded_reset_puts_everything_back(url: str) -> None:
     with open_port(url) as fresh:
         expected = session(fresh)
         # pushed about: the session is one with contacts
@@ -329,13 +350,14 @@ def test_a_seeded_reset_puts_everything_back(url):
         assert session(used, Reset(seed=7)) == expected
 
 
-def open_outline(url):
+def open_outline(url: str) -> list[Solid]:
     with open_port(url) as port:
-        return port.emulator.outline().solids[-2:]
+        outline: Outline = port.emulator.outline()
+        return outline.solids[-2:]
 
 
-def test_how_time_is_cut_makes_no_difference(url):
-    def drive(steps):
+def test_how_time_is_cut_makes_no_difference(url: str) -> None:
+    def drive(steps: int) -> tuple[bytes, Truth, Outline]:
         with open_port(url) as port:
             port.write(b"D,10,9\nN\nH\n")
             for step in range(steps):
@@ -345,7 +367,7 @@ def test_how_time_is_cut_makes_no_difference(url):
     assert drive(1) == drive(7) == drive(997)
 
 
-def test_random_places_and_resets_keep_off_things(url):
+def test_random_places_and_resets_keep_off_things(url: str) -> None:
     with open_port(url) as port:
         reset = port.emulator.reset
         ask(port, b"D,10,10")

@@ -1,11 +1,21 @@
 """The table of the turrets' messages, read from both ends."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.strategies._internal.core import DataObject
 from khepera_protocol.serial.errors import ReplyError, RequestError
 from khepera_protocol.serial.messages import Reply, build_request, parse_reply, parse_request
-from khepera_protocol.serial.turrets import TURRETS, build_message, message_values, parse_message
+from khepera_protocol.serial.turrets import (
+    TURRETS,
+    TurretKind,
+    TurretMessage,
+    build_message,
+    message_values,
+    parse_message,
+)
 
 LETTERS = {"gripper": "BDEFGHJ", "k213": "BLMNOPQRSTU", "radio": "BFRS", "general-io": ""}
 NUMBERS = {"gripper": 1, "k213": 2, "radio": 4, "general-io": None}
@@ -16,7 +26,7 @@ REPLY_FIELDS = {
 }
 
 
-def test_the_table_is_that_of_the_specification():
+def test_the_table_is_that_of_the_specification() -> None:
     assert {name: "".join(kind.messages) for name, kind in TURRETS.items()} == LETTERS
     assert {name: kind.number for name, kind in TURRETS.items()} == NUMBERS
     for name, counts in REPLY_FIELDS.items():
@@ -25,7 +35,7 @@ def test_the_table_is_that_of_the_specification():
 
 
 @st.composite
-def messages(draw):
+def messages(draw: st.DrawFn) -> tuple[TurretKind, TurretMessage, list[Any]]:
     kind = TURRETS[draw(st.sampled_from(["gripper", "k213", "radio"]))]
     message = kind.messages[draw(st.sampled_from(sorted(kind.messages)))]
     numbers = [draw(st.integers(field.low, field.high)) for field in message.request]
@@ -33,7 +43,9 @@ def messages(draw):
 
 
 @given(messages(), st.data())
-def test_messages_and_replies_survive_the_line(drawn, data):
+def test_messages_and_replies_survive_the_line(
+    drawn: tuple[TurretKind, TurretMessage, list[Any]], data: DataObject
+) -> None:
     kind, message, numbers = drawn
     request = build_message(kind.name, message.letter, *numbers)
     assert parse_request(request.encode().rstrip(b"\n")) == request
@@ -59,13 +71,13 @@ def test_messages_and_replies_survive_the_line(drawn, data):
         ("radio", ("S", "1", "1", "0"), "z,Protocol error"),
     ],
 )
-def test_refused_message(name, rest, answer):
+def test_refused_message(name: str, rest: tuple[str, ...], answer: str) -> None:
     with pytest.raises(RequestError) as caught:
         parse_message(TURRETS[name], rest)
     assert caught.value.reply == answer
 
 
-def test_what_follows_a_message_without_arguments():
+def test_what_follows_a_message_without_arguments() -> None:
     kind = TURRETS["gripper"]
     assert parse_message(kind, ("F ", "1"))[1] == ()
     with pytest.raises(RequestError):
@@ -73,7 +85,7 @@ def test_what_follows_a_message_without_arguments():
 
 
 @pytest.mark.parametrize("name", ["general-io", "laser"])
-def test_no_message_goes_to_a_turret_without_a_number(name):
+def test_no_message_goes_to_a_turret_without_a_number(name: str) -> None:
     with pytest.raises(RequestError, match="takes messages"):
         build_message(name, "B")
 
@@ -88,14 +100,14 @@ def test_no_message_goes_to_a_turret_without_a_number(name):
         (b"t,1,f,x", "integers"),
     ],
 )
-def test_wrong_reply(line, reason):
+def test_wrong_reply(line: bytes, reason: str) -> None:
     request = build_message("gripper", "F")
     with pytest.raises(ReplyError, match=reason) as caught:
         message_values(request, parse_reply(request, line))
     assert caught.value.received == line
 
 
-def test_a_reply_to_an_unknown_message_has_no_values():
+def test_a_reply_to_an_unknown_message_has_no_values() -> None:
     request = build_request("T", 25, rest=("X",))
     with pytest.raises(ReplyError, match="not in the table"):
         message_values(request, parse_reply(request, b"t,25,x"))

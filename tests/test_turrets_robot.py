@@ -1,9 +1,11 @@
 """Turrets and switches on whole robots: behind the line, in the world, from robot to robot."""
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 import serial
+from in_process import open_robot
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 import khepera_emulator  # noqa: F401 - registers the URL scheme
@@ -18,7 +20,7 @@ SEND = b"T,4,S,2,3,72,105,33" + 13 * b",0"
 
 
 @pytest.fixture
-def make():
+def make() -> Iterator[Callable[..., list[Emulator]]]:
     made: list[Emulator] = []
 
     def make_robots(*turrets: str, arena: str = str(BENCH), size: int = 1) -> list[Emulator]:
@@ -44,7 +46,7 @@ def wait(robot: Emulator, seconds: float) -> None:
     robot.advance(robot.now + seconds)
 
 
-def test_robots_of_one_world_talk_by_radio(make):
+def test_robots_of_one_world_talk_by_radio(make: Callable[..., list[Emulator]]) -> None:
     one, two = make("radio", arena="open-box", size=2)
     assert ask(one, SEND) == b"t,4,s\r\n"
     wait(one, 0.1)
@@ -53,7 +55,9 @@ def test_robots_of_one_world_talk_by_radio(make):
     assert ask(two, b"T,4,R") == b"t,4,r,1,3,72,105,33" + 13 * b",0" + b"\r\n"
 
 
-def test_a_message_arrives_while_robots_drive_and_after_a_reset(make):
+def test_a_message_arrives_while_robots_drive_and_after_a_reset(
+    make: Callable[..., list[Emulator]],
+) -> None:
     one, two = make("radio", arena="open-box", size=2)
     one.reset(Reset(seed=5))
     ask(one, b"D,3,-3")
@@ -64,7 +68,7 @@ def test_a_message_arrives_while_robots_drive_and_after_a_reset(make):
     assert ask(two, b"T,4,F") == b"t,4,f,3\r\n"
 
 
-def test_robots_of_two_worlds_do_not_hear_each_other(make):
+def test_robots_of_two_worlds_do_not_hear_each_other(make: Callable[..., list[Emulator]]) -> None:
     (one,), (_other,) = make("radio"), make("radio")
     ask(one, SEND.replace(b"S,2", b"S,1"))
     wait(one, 0.1)
@@ -77,7 +81,9 @@ def grasp(robot: Emulator) -> None:
         wait(robot, seconds)
 
 
-def test_what_is_lifted_leaves_the_floor_and_comes_back(make):
+def test_what_is_lifted_leaves_the_floor_and_comes_back(
+    make: Callable[..., list[Emulator]],
+) -> None:
     (robot,) = make("gripper")
     ahead = [int(value) for value in ask(robot, b"N").split(b",")[3:5]]
     assert min(ahead) > 100
@@ -98,7 +104,7 @@ def test_what_is_lifted_leaves_the_floor_and_comes_back(make):
     assert thing.footprint.x > 0.0
 
 
-def test_a_robot_drives_on_below_what_it_carries(make):
+def test_a_robot_drives_on_below_what_it_carries(make: Callable[..., list[Emulator]]) -> None:
     (robot,) = make("gripper")
     grasp(robot)
     ask(robot, b"C,1000,1000")
@@ -107,7 +113,7 @@ def test_a_robot_drives_on_below_what_it_carries(make):
     assert not robot.truth().touched
 
 
-def test_a_reset_empties_the_fingers(make):
+def test_a_reset_empties_the_fingers(make: Callable[..., list[Emulator]]) -> None:
     (robot,) = make("gripper")
     grasp(robot)
     robot.reset(Reset(pose=Pose(x=-0.2, y=0.0, heading=0.0)))
@@ -119,7 +125,7 @@ def test_a_reset_empties_the_fingers(make):
     assert ask(robot, b"T,1,F") == b"t,1,f,200\r\n"
 
 
-def test_general_io_answers_on_the_line(make):
+def test_general_io_answers_on_the_line(make: Callable[..., list[Emulator]]) -> None:
     (robot,) = make("general-io")
     (turret,) = robot.robot.turrets.turrets
     assert isinstance(turret, GeneralIO)
@@ -137,7 +143,7 @@ def test_general_io_answers_on_the_line(make):
     assert turret.outputs == 0
 
 
-def test_turrets_do_not_change_what_happens_otherwise(make):
+def test_turrets_do_not_change_what_happens_otherwise(make: Callable[..., list[Emulator]]) -> None:
     def drive(*turrets: str) -> list[bytes]:
         (robot,) = make(*turrets, arena="corridor")
         answers = []
@@ -149,9 +155,9 @@ def test_turrets_do_not_change_what_happens_otherwise(make):
     assert drive() == drive("gripper", "k213", "radio", "general-io")
 
 
-def test_the_tool_serial_sets_the_rate_after_its_reply():
+def test_the_tool_serial_sets_the_rate_after_its_reply() -> None:
     character = 11 / 9600
-    with serial.serial_for_url("khepera://corridor", timeout=1) as port:
+    with open_robot("khepera://corridor", timeout=1) as port:
         port.write(b"serial 38400\n")
         answer = port.readline()
         assert port.now == pytest.approx((13 + len(answer)) * character + 0.0015, abs=1e-6)
@@ -169,6 +175,6 @@ def test_the_tool_serial_sets_the_rate_after_its_reply():
         ("firmware=fast", "unknown firmware option 'fast'"),
     ],
 )
-def test_wrong_options_of_a_url(options, reason):
+def test_wrong_options_of_a_url(options: str, reason: str) -> None:
     with pytest.raises(serial.SerialException, match=reason):
-        serial.serial_for_url(f"khepera://corridor?{options}")
+        open_robot(f"khepera://corridor?{options}")

@@ -9,11 +9,11 @@ from khepera_emulator.line.wire_order import InOrder
 from khepera_emulator.line.wire_tap import WireTap
 
 
-def told(tap):
+def told(tap: WireTap) -> list[tuple[float, str, str]]:
     return [(entry.time, entry.what, entry.text) for entry in tap.since(0).entries]
 
 
-def test_a_reply_that_had_arrived_before_a_request_comes_before_it():
+def test_a_reply_that_had_arrived_before_a_request_comes_before_it() -> None:
     tap = WireTap()
     order = InOrder(tap)
     order.request(1.0, b"N\n")
@@ -28,7 +28,7 @@ def test_a_reply_that_had_arrived_before_a_request_comes_before_it():
     ]
 
 
-def test_what_happens_at_once_stays_in_its_order():
+def test_what_happens_at_once_stays_in_its_order() -> None:
     tap = WireTap()
     order = InOrder(tap)
     order.line(1.0, LineFormat(9600))
@@ -40,7 +40,7 @@ def test_what_happens_at_once_stays_in_its_order():
     assert [what for _, what, _ in told(tap)] == ["line", "request", "close", "request", "reply"]
 
 
-def test_a_fault_ahead_waits_for_its_time_or_the_end():
+def test_a_fault_ahead_waits_for_its_time_or_the_end() -> None:
     tap = WireTap()
     order = InOrder(tap)
     order.fault(Happening(5.0, Direction.REPLY, "delay", "late"))
@@ -54,7 +54,7 @@ def test_a_fault_ahead_waits_for_its_time_or_the_end():
 @given(
     st.lists(st.tuples(st.sampled_from(["request", "reply"]), st.floats(-2.0, 2.0)), max_size=40)
 )
-def test_no_time_steps_back(events):
+def test_no_time_steps_back(events: list[tuple[str, float]]) -> None:
     tap = WireTap()
     order = InOrder(tap)
     for now, (what, ahead) in enumerate(events, 3):

@@ -2,9 +2,11 @@
 
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,12 +15,12 @@ import zenoh
 from controller_helpers import PATIENCE, a_decision, a_state, free_endpoint, wait_until_watched
 from khepera_protocol.zenoh.config import MOST_MESSAGE
 from khepera_protocol.zenoh.session import read_configuration
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 from watching_helpers import a_life
 
 from khepera_emulator.app.side_channel import open_zenoh as emulator_session
 from khepera_emulator.errors import EmulatorError
-from macor_hil import cli
+from macor_hil.cli.program import app
 from macor_hil.errors import CameraLostError, TelemetryError
 from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.telemetry.publisher import Publisher
@@ -38,13 +40,13 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Certificates, and the examples with a free port and paths of these."""
     folder = tmp_path_factory.mktemp("zenoh")
     subprocess.run(["sh", str(DOCS / "certificates.sh"), str(folder / "certificates")], check=True)
     port = free_endpoint().rpartition(":")[2]
 
-    def write(name, example, **changes):
+    def write(name: str, example: str, **changes: str) -> None:
         text = (DOCS / example).read_text().replace("7446", port)
         text = text.replace('"certificates/', f'"{folder}/certificates/')
         for old, new in changes.items():
@@ -73,32 +75,32 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def router(folder):
+def router(folder: Path) -> Iterator[zenoh.Session]:
     with zenoh.open(zenoh.Config.from_file(str(folder / "router.json5"))) as session:
         yield session
 
 
 @contextmanager
-def sessions(folder, *names):
+def sessions(folder: Path, *names: str) -> Iterator[list[zenoh.Session]]:
     with ExitStack() as stack:
         yield [
             stack.enter_context(open_session([], [], folder / f"{name}.json5")) for name in names
         ]
 
 
-def heard(session, key):
-    queue = SimpleQueue()
+def heard(session: zenoh.Session, key: str) -> SimpleQueue[zenoh.Sample]:
+    queue: SimpleQueue[zenoh.Sample] = SimpleQueue()
     session.declare_subscriber(key, queue.put)
     return queue
 
 
-def nothing(queue):
+def nothing(queue: SimpleQueue[zenoh.Sample]) -> bool:
     with pytest.raises(Empty):
         queue.get(timeout=SILENCE)
     return True
 
 
-def test_a_watcher_hears_the_controller_and_may_ask(folder):
+def test_a_watcher_hears_the_controller_and_may_ask(folder: Path) -> None:
     with sessions(folder, "controller", "watcher") as (controller, watcher):
         queue = heard(watcher, "macor/khepera/decision")
         wait_until_watched(controller, "macor/khepera/decision")
@@ -106,8 +108,8 @@ def test_a_watcher_hears_the_controller_and_may_ask(folder):
         assert queue.get(timeout=PATIENCE).payload.to_string() == "left"
 
 
-def test_a_watcher_can_neither_publish_nor_stop(folder):
-    stops = []
+def test_a_watcher_can_neither_publish_nor_stop(folder: Path) -> None:
+    stops: list[str] = []
     with (
         sessions(folder, "controller", "watcher", "controller") as (controller, watcher, other),
         StopKey(controller, "khepera", stops.append),
@@ -124,21 +126,22 @@ def test_a_watcher_can_neither_publish_nor_stop(folder):
         assert stops
 
 
-def test_a_watcher_cannot_be_taken_for_the_camera(folder):
-    def picture_of(level):
+def test_a_watcher_cannot_be_taken_for_the_camera(folder: Path) -> None:
+    def picture_of(level: int) -> bytes:
         image = np.zeros((16, 16, 3), np.uint8)
         image[:8] = level
         return cv2.imencode(".png", image)[1].tobytes()
 
-    def answering(session, level, asked):
-        def answer(query):
+    def answering(session: zenoh.Session, level: int, asked: list[int]) -> zenoh.Queryable[None]:
+        def answer(query: zenoh.Query) -> None:
             with query:
                 asked.append(1)
                 query.reply("khepera/khepera/camera", picture_of(level))
 
         return session.declare_queryable("khepera/khepera/camera", answer, complete=True)
 
-    asked, stranger_asked = [], []
+    asked: list[int] = []
+    stranger_asked: list[int] = []
     with (
         sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher),
         answering(watcher, 50, stranger_asked),
@@ -152,11 +155,11 @@ def test_a_watcher_cannot_be_taken_for_the_camera(folder):
     assert not stranger_asked
 
 
-def macor_hil(*arguments):
-    return CliRunner(env={"COLUMNS": "80"}).invoke(cli.app, list(map(str, arguments)))
+def macor_hil(*arguments: int | Path | str) -> Result:
+    return CliRunner(env={"COLUMNS": "80"}).invoke(app, list(map(str, arguments)))
 
 
-def test_a_watcher_can_use_the_monitor_and_the_recorder(folder, tmp_path):
+def test_a_watcher_can_use_the_monitor_and_the_recorder(folder: Path, tmp_path: Path) -> None:
     watcher = "--zenoh-config", folder / "watcher.json5"
     with sessions(folder, "controller") as (session,), Publisher(session, "khepera") as publisher:
         publisher.state(a_state(driven=3), 1.0)
@@ -171,7 +174,9 @@ def test_a_watcher_can_use_the_monitor_and_the_recorder(folder, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "heard_of"), [("watcher", False), ("controller", True)])
-def test_only_who_may_publish_can_replay(folder, tmp_path, name, heard_of):
+def test_only_who_may_publish_can_replay(
+    folder: Path, tmp_path: Path, name: str, heard_of: bool
+) -> None:
     with Recorder(tmp_path / "drive.mcap", "khepera") as recorder:
         for event in a_life(1):
             recorder.write(event)
@@ -183,8 +188,8 @@ def test_only_who_may_publish_can_replay(folder, tmp_path, name, heard_of):
         assert queue.get(timeout=PATIENCE) if heard_of else nothing(queue)
 
 
-def test_a_watcher_s_stop_is_not_taken(folder):
-    stops = []
+def test_a_watcher_s_stop_is_not_taken(folder: Path) -> None:
+    stops: list[str] = []
     with (
         sessions(folder, "controller") as (session,),
         StopKey(session, "khepera", stops.append),
@@ -196,10 +201,10 @@ def test_a_watcher_s_stop_is_not_taken(folder):
         assert stops
 
 
-def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder):
+def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder: Path) -> None:
     with sessions(folder, "emulator", "controller", "watcher") as (emulator, controller, watcher):
 
-        def answer(query):
+        def answer(query: zenoh.Query) -> None:
             with query:
                 query.reply("khepera/khepera/reset", "done")
 
@@ -220,7 +225,7 @@ def test_a_watcher_cannot_reset_the_robot_or_look_at_its_truth(folder):
         ("plain", "a program listens on tcp/127.0.0.1:.*, and does not let this one in"),
     ],
 )
-def test_who_gets_nothing_is_told_why(folder, name, reason):
+def test_who_gets_nothing_is_told_why(folder: Path, name: str, reason: str) -> None:
     config = folder / f"{name}.json5"
     with (
         pytest.raises(TelemetryError, match=f"{name}.json5 says: .*{reason}") as failure,
@@ -231,7 +236,9 @@ def test_who_gets_nothing_is_told_why(folder, name, reason):
 
 
 @pytest.mark.parametrize("opened", [open_session, emulator_session])
-def test_a_file_that_cannot_be_used_is_named(tmp_path, folder, opened):
+def test_a_file_that_cannot_be_used_is_named(
+    tmp_path: Path, folder: Path, opened: Callable[..., Any]
+) -> None:
     (tmp_path / "cake.json5").write_text("flour")
     text = (folder / "watcher.json5").read_text()
     for name, old in (("ca", "ca.pem"), ("key", "watcher.key")):
@@ -248,7 +255,9 @@ def test_a_file_that_cannot_be_used_is_named(tmp_path, folder, opened):
             pass
 
 
-def test_what_a_file_says_of_shared_memory_and_of_long_messages_does_not_count(tmp_path):
+def test_what_a_file_says_of_shared_memory_and_of_long_messages_does_not_count(
+    tmp_path: Path,
+) -> None:
     for name, text in (("yes", "true"), ("no", "false")):
         transport = f"{{shared_memory: {{enabled: {text}}}}}"
         file = tmp_path / f"{name}.json5"

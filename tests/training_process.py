@@ -13,12 +13,16 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+from as_type import as_type
+
 from macor_hil.errors import MacorError
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.cameras.camera_watch import CameraWatch
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_for
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
+from macor_hil.mind.brain import Brain
+from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.checkpoints import train_map
 from macor_hil.runs.recovery import TrainingRecovery
@@ -28,11 +32,11 @@ from macor_hil.telemetry.session import open_session
 TUNING = 15
 
 
-def no_room():
+def no_room() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
 
 
-def jump():
+def jump() -> None:
     read = time.time
     time.time = lambda: read() + 3600.0
 
@@ -40,12 +44,21 @@ def jump():
 TROUBLES = {"full disk": no_room, "clock jump": jump}
 
 
-def train(path, port, *, random, trouble="", baud=9600, camera="auto", **zenoh):
+def train(
+    path: str,
+    port: str,
+    *,
+    random: int,
+    trouble: str = "",
+    baud: int = 9600,
+    camera: str = "auto",
+    **zenoh: str,
+) -> Brain:
     schedule = Schedule(TUNING, random, 0, session=60, recovery=Recovery.BACK)
     settings = MindSettings()
     half = TUNING + random // 2
 
-    def progress(done):
+    def progress(done: int) -> None:
         print("step", flush=True)
         if trouble and done == half:
             TROUBLES[trouble]()
@@ -65,10 +78,11 @@ def train(path, port, *, random, trouble="", baud=9600, camera="auto", **zenoh):
         return train_map(Path(path), settings, schedule, "here", devices, progress, rescue, 1)
 
 
-def main():
+def main() -> None:
     try:
         brain = train(**json.loads(sys.argv[1]))
-        print(int(brain.memories["transitions"].transitions().z.sum()), flush=True)
+        known = as_type(SensorimotorMap, brain.memories["transitions"])
+        print(int(known.transitions().z.sum()), flush=True)
     except MacorError as error:
         print(f"{type(error).__name__}: {error}", flush=True)
 

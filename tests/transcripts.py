@@ -13,9 +13,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import serial
+from in_process import open_robot
 
-import khepera_emulator  # noqa: F401 - registers the URL scheme
+from khepera_emulator.ports.protocol_khepera import Serial
 
 FOLDER = Path(__file__).parent / "golden"
 
@@ -60,7 +60,7 @@ def url_of(text: str) -> str:
 def play(text: str) -> str:
     """The transcript that comes of having the conversation again."""
     lines: list[str] = []
-    with serial.serial_for_url(url_of(text), timeout=60) as port:
+    with open_robot(url_of(text), timeout=60) as port:
         for line in text.splitlines():
             if line.startswith(("< ", "# now ")):
                 continue
@@ -73,10 +73,10 @@ def play(text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _ask(port: serial.SerialBase, request: bytes) -> list[str]:
+def _ask(port: Serial, request: bytes) -> list[str]:
     port.write(request + b"\n")
     port.flush()
-    lines = []
+    lines: list[str] = []
     while port.emulator.uart.queued():
         line = port.read_until()
         assert line.endswith(b"\r\n")

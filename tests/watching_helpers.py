@@ -12,16 +12,17 @@ from khepera_protocol.zenoh.controller_payloads import (
     Link,
 )
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, schema_name
+from khepera_protocol.zenoh.payload_model import Payload
 from khepera_protocol.zenoh.payloads import Outline, Pose, Stamp, Truth, Wire
 
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.feed import Arrival, Presence
+from macor_hil.telemetry.feed import Arrival, Event, Presence
 
 SECOND = 1_000_000_000
 BEGIN = 1_700_000_000 * SECOND
 
 
-def a_picture(seed=0):
+def a_picture(seed: int = 0) -> bytes:
     """A picture of noise: larger than a chunk of a recording."""
     mirror = Mirror()
     rng = np.random.default_rng(seed)
@@ -29,7 +30,9 @@ def a_picture(seed=0):
     return cv2.imencode(".jpg", image)[1].tobytes()
 
 
-def json_event(side, leaf, payload, seconds, sequence=0):
+def json_event(
+    side: str, leaf: str, payload: Payload, seconds: float, sequence: int = 0
+) -> Arrival:
     return Arrival(
         side,
         leaf,
@@ -40,31 +43,40 @@ def json_event(side, leaf, payload, seconds, sequence=0):
     )
 
 
-def picture_event(seconds, sequence=0, seed=0, side=CONTROLLER, leaf="frame"):
+def picture_event(
+    seconds: float,
+    sequence: int = 0,
+    seed: int = 0,
+    side: str = CONTROLLER,
+    leaf: str = "frame",
+) -> Arrival:
     stamp = Stamp(sequence=sequence, time=round(seconds, 6))
     received = BEGIN + round(seconds * SECOND)
     return Arrival(side, leaf, a_picture(seed), "image/jpeg", stamp, received)
 
 
-def truth(time, x, y=0.0, heading=0.0):
+def truth(time: float, x: float, y: float = 0.0, heading: float = 0.0) -> Truth:
     example = EXAMPLES[Truth]
+    assert isinstance(example, Truth)
     return example.model_copy(update={"time": time, "pose": Pose(x=x, y=y, heading=heading)})
 
 
-def learned(situations=50):
+def learned(situations: int = 50) -> Learned:
     example = EXAMPLES[Learned]
+    assert isinstance(example, Learned)
     fields = Fields(sectors=12, width=0.26, channels=example.fields.channels)
     return example.model_copy(update={"situations": situations, "fields": fields})
 
 
-def hypothesis(evaluation, *commands):
+def hypothesis(evaluation: float, *commands: str) -> Hypothesis:
     ahead = [Ahead(node=7, command=command) for command in commands]
     return Hypothesis(evaluation=evaluation, ahead=ahead)
 
 
-def a_life(decisions=3):
+def a_life(decisions: int = 3) -> list[Event]:
     """Emulator and controller appear, drive some commands, a second each, and go."""
-    events = [
+
+    events: list[Event] = [
         Presence(EMULATOR, True, BEGIN),
         json_event(EMULATOR, "arena", EXAMPLES[Outline], 0.1),
         json_event(EMULATOR, "truth", truth(0.2, 0.1), 0.2),

@@ -1,13 +1,15 @@
 """Arenas for tests, made in place."""
 
+from collections.abc import Callable
+
 from khepera_protocol.zenoh.payloads import Pose
 
 from khepera_emulator.arenas.arena import Arena, load_arena
-from khepera_emulator.models import KHEPERA2
+from khepera_emulator.models import KHEPERA2, Model
 from khepera_emulator.world.floor_plan import FloorPlan
 
 
-def arena(**parts) -> Arena:
+def arena(**parts: object) -> Arena:
     """An arena with given parts; without any, an endless floor."""
     return Arena.model_validate(
         {
@@ -20,12 +22,12 @@ def arena(**parts) -> Arena:
     )
 
 
-def gap_in(name, model=KHEPERA2):
+def gap_in(name: str, model: Model = KHEPERA2) -> Callable[[Pose], float]:
     plan = FloorPlan(load_arena(name))
     return lambda pose: plan.clearance(pose.x, pose.y) - model.radius
 
 
-def reachable(name, model, step=0.01):
+def reachable(name: str, model: Model, step: float = 0.01) -> set[tuple[float, float]]:
     """Centres of squares of the floor that a robot's middle can get to from the start."""
     arena, gap = load_arena(name), gap_in(name, model)
     first = (round(arena.start.x / step), round(arena.start.y / step))

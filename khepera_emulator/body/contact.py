@@ -96,6 +96,8 @@ class Contact:
         self._stiff = 1.0 / (light + arm * self._turns_arm)
         self._rub = 1.0 / (light + model.radius * self._turns_radius)
         self._hold = _TYRE * mass * GRAVITY / 2 * CONTROL_PERIOD
+        self._tolerance = _ACCURACY * self._hold
+        self._lean = _TYRE * _HEIGHT / (2 * arm)
         self.forget()
 
     def forget(self) -> None:
@@ -115,7 +117,7 @@ class Contact:
         moves, walls = self._begin(motion, touches)
         limits = [(gap if gap > 0.0 else _PUSH_OUT * gap) / CONTROL_PERIOD for gap, _, _ in touches]
         tyres = self._tyres
-        tolerance = _ACCURACY * self._hold
+        tolerance = self._tolerance
         for _ in range(_TURNS):
             moves, lean, change = self._press(moves, touches, limits, walls)
             moves, tyres, change = self._grip(moves, tyres, wheels, lean, change)
@@ -211,25 +213,27 @@ class Contact:
         turns_arm, stiff = self._turns_arm, self._stiff
         ahead, left, rate = moves
         al, ll, ar, lr = tyres
-        lean *= _TYRE * _HEIGHT / (2 * arm)
+        lean *= self._lean
         lean = hold if lean > hold else -hold if lean < -hold else lean
-        a, b = _held(al - stiff * (ahead - arm * rate - wheels[0]), ll - stiff * left, hold - lean)
+        most = hold - lean
+        a, b = al - stiff * (ahead - arm * rate - wheels[0]), ll - stiff * left
+        size = hypot(a, b)
+        if size > most:
+            a, b = a * most / size, b * most / size
         step, aside = a - al, b - ll
         al, ll = a, b
         ahead += light * step
         left += light * aside
         rate -= turns_arm * step
         change += abs(step) + abs(aside)
-        a, b = _held(ar - stiff * (ahead + arm * rate - wheels[1]), lr - stiff * left, hold + lean)
+        most = hold + lean
+        a, b = ar - stiff * (ahead + arm * rate - wheels[1]), lr - stiff * left
+        size = hypot(a, b)
+        if size > most:
+            a, b = a * most / size, b * most / size
         step, aside = a - ar, b - lr
         ahead += light * step
         left += light * aside
         rate += turns_arm * step
         change += abs(step) + abs(aside)
         return (ahead, left, rate), (al, ll, a, b), change
-
-
-def _held(a: float, b: float, most: float) -> tuple[float, float]:
-    """Return an impulse, ahead and to the left, no greater than what a tyre holds."""
-    size = hypot(a, b)
-    return (a * most / size, b * most / size) if size > most else (a, b)

@@ -60,7 +60,9 @@ class RobotOptions(BaseModel):
     model: Annotated[str, Cli(names=MODELS.names)] = Field(
         default=KHEPERA.name, description="Robot: {names}; or file.py:MODEL."
     )
-    seed: int = Field(default=DEFAULT_SEED, ge=0, le=HIGHEST_SEED, description="Of all randomness.")
+    seed: int = Field(
+        default=DEFAULT_SEED, ge=0, le=HIGHEST_SEED, description="Seed for all randomness."
+    )
     drift: Annotated[str, Cli(metavar="SPEC")] = Field(
         default=DEFAULT_DRIFT,
         description="How far real motion differs from the encoders: none, default, strong,"

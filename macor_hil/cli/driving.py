@@ -22,7 +22,13 @@ from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.options import AllowOptions, MindOptions
 from macor_hil.monitor.pictures import draw_trials, draw_view
-from macor_hil.runs.demo import DemoSettings, reserved, run_demo
+from macor_hil.runs.demo import (
+    HARDER,
+    PLANNER_IN_HARDER,
+    DemoSettings,
+    reserved,
+    run_demo,
+)
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions, TrainOptions
 from macor_hil.telemetry.stop_key import ask_to_stop
@@ -106,9 +112,9 @@ def demo(
         float, typer.Option(min=0.1, max=20.0, help="Time runs so many times faster.")
     ] = 1.0,
 ) -> None:
-    """Train a map if there is none, then drive the curve live with each planner.
+    """Train a map if there is none, then drive the curve live with each planner, and a maze.
 
-    Ends with a table and a picture; exit status 0 if the planning robot got round the curve and the
+    Ends with a table and pictures; exit status 0 if the planning robots got through and the
     reactive one did not, 1 otherwise. Where another one runs on this machine, it takes other
     endpoints, and says how to watch it.
     """
@@ -135,11 +141,18 @@ def demo(
                 settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}")
             )
     draw_trials(picture, result.outline, result.trials)
-    table = Table("planner", "commands", "reinforcement", "collision", "picture")
-    for name, trial in result.trials.items():
+    rows = [(name, settings.arena, trial, picture) for name, trial in result.trials.items()]
+    if result.harder is None:
+        typer.echo(f"{map_file} is older than the planner for the {HARDER}; take it away to see it")
+    else:
+        outline, trial = result.harder
+        draw_trials(folder / f"{HARDER}.png", outline, {PLANNER_IN_HARDER: trial})
+        rows.append((PLANNER_IN_HARDER, HARDER, trial, folder / f"{HARDER}.png"))
+    table = Table("planner", "arena", "commands", "reinforcement", "collision", "picture")
+    for name, arena, trial, file in rows:
         end = "yes" if trial.collided else "no"
-        table.add_row(name, str(trial.length), f"{trial.total:.2f}", end, str(picture))
+        table.add_row(name, arena, str(trial.length), f"{trial.total:.2f}", end, str(file))
     Console().print(table)
     if not result.as_expected:
-        typer.echo("not as expected: the planning robot should get round, the reactive one not")
+        typer.echo("not as expected: the planning robots should get through, the reactive one not")
         raise typer.Exit(Status.NO)

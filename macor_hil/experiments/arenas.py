@@ -267,14 +267,16 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             " trials that collided among those in which no collision was necessary."
         ),
         _table(settings, "Trained in place", plain, "arena", "look"),
-        _table(settings, "The same, driven under other light", lit, "light"),
+        *([_table(settings, "The same, driven under other light", lit, "light")] if lit else []),
         _table(settings, "Trained on a mixture, driven where it never was", away, "arena"),
         Text(_verdict(settings, plain, away)),
     ]
     first = next(iter(results.values()))["driven"]
     shown = [one for one in first if one["light"] == AS_TRAINED]
-    captions = {_picture(one): f"{one['arena']}, {one['look']}, {one['trained']}" for one in shown}
-    return blocks + [Picture(name, f"Trained {said}.") for name, said in captions.items()]
+    return blocks + [
+        Picture(_picture(one), f"{one['arena']}, {one['look']}, trained {one['trained']}.")
+        for one in shown
+    ]
 
 
 def _shares(settings: Settings, driven: Sequence[Result], system: str) -> Shares:

@@ -32,7 +32,7 @@ class Wheels:
 
 
 def integrate(
-    pose: Pose, before: tuple[int, int], after: tuple[int, int], wheels: Wheels = Wheels()
+    pose: Pose, before: tuple[float, float], after: tuple[float, float], wheels: Wheels = Wheels()
 ) -> Pose:
     """Return the pose after both wheels went on from one counter reading to another.
 

@@ -1,4 +1,4 @@
-"""The main job in one go: emulator, training, three live drives, a table and a picture.
+"""The main job in one go: emulator, training, four live drives, a table and pictures.
 
 The emulator is a process of its own with a real pseudo-terminal; the controller reaches it over
 the serial line, and over Zenoh for camera, ground truth and reset.
@@ -9,9 +9,9 @@ import selectors
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO
@@ -24,6 +24,7 @@ from khepera_protocol.zenoh.payloads import Outline, Pose, Reset
 from macor_hil.errors import BenchError, MacorError
 from macor_hil.hardware.address import DEFAULT_SEED
 from macor_hil.hardware.bench import Bench, ZenohBench
+from macor_hil.mind.map_file import load_map
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 from macor_hil.runs.trials import Trial
@@ -31,6 +32,11 @@ from macor_hil.telemetry.session import open_session
 
 PLANNERS_SHOWN = ("graded", "anticipative", "reactive")
 """The planner beyond the paper, the paper's own, and the reactive system."""
+
+HARDER = "maze"
+"""Arena in which nothing was trained."""
+
+PLANNER_IN_HARDER = "foresight"
 
 _START_PATIENCE = 20.0
 _STOP_PATIENCE = 5.0
@@ -90,23 +96,32 @@ def reserved(usual: str) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class DemoResult:
-    """Result of the demonstration: the arena, and a trial of each planner by name."""
+    """Result of the demonstration.
+
+    Attributes:
+        outline: the arena of the training.
+        trials: a trial of each planner there, by name.
+        harder: the other arena, and a trial there; None: the map is of a time before its planner.
+    """
 
     outline: Outline
     trials: dict[str, Trial]
+    harder: tuple[Outline, Trial] | None = None
 
     @property
     def as_expected(self) -> bool:
-        """True if the robot that plans got round the curve and the reactive one hit the wall.
+        """True if the robots that plan drove to the end and the reactive one hit the wall.
 
         The paper's own planner is shown and not judged: on some maps it gets round, on others not.
         """
-        planning, reactive = self.trials["graded"], self.trials["reactive"]
-        return reactive.collided and not (planning.collided or planning.touched)
+        planning, reactive = [self.trials["graded"]], self.trials["reactive"]
+        if self.harder is not None:
+            planning.append(self.harder[1])
+        return reactive.collided and not any(each.collided or each.touched for each in planning)
 
 
 def run_demo(settings: DemoSettings, on_step: Callable[[str, Decision], None]) -> DemoResult:
-    """Switch an emulated robot on and let each planner drive it live.
+    """Switch an emulated robot on and let each planner drive it live; the last one in a maze.
 
     Args:
         settings: where.
@@ -115,13 +130,24 @@ def run_demo(settings: DemoSettings, on_step: Callable[[str, Decision], None]) -
     Raises:
         MacorError: emulator, port, camera or map cannot be used.
     """
+    outline, trials = _driven(settings, PLANNERS_SHOWN, on_step)
+    if PLANNER_IN_HARDER not in load_map(settings.map_file)[0].memories:
+        return DemoResult(outline, trials)
+    there = replace(settings, arena=HARDER)
+    maze, driven = _driven(there, (PLANNER_IN_HARDER,), on_step)
+    return DemoResult(outline, trials, (maze, driven[PLANNER_IN_HARDER]))
+
+
+def _driven(
+    settings: DemoSettings, planners: Sequence[str], on_step: Callable[[str, Decision], None]
+) -> tuple[Outline, dict[str, Trial]]:
     with (
         emulator_process(settings) as port,
         open_session([], [settings.emulator]) as session,
     ):
         bench = ZenohBench(session, "khepera")
-        trials = {name: _drive(settings, port, name, bench, on_step) for name in PLANNERS_SHOWN}
-        return DemoResult(bench.outline(), trials)
+        trials = {name: _drive(settings, port, name, bench, on_step) for name in planners}
+        return bench.outline(), trials
 
 
 @contextmanager

@@ -20,7 +20,7 @@ class LateBell:
         ring: called once when it has taken longer, in the bell's thread.
     """
 
-    def __init__(self, limit: float, ring: Callable[[], None]) -> None:
+    def __init__(self, limit: float, ring: Callable[[], object]) -> None:
         self._limit = limit
         self._ring = ring
         self._marks: SimpleQueue[bool] = SimpleQueue()  # True: a beginning, then an end

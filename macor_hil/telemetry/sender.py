@@ -29,7 +29,7 @@ class Sender:
     """
 
     def __init__(self) -> None:
-        self._actions: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._actions: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
         self._thread = HelperThread(self._run, "sender")
         self._dropped = 0
 
@@ -43,7 +43,7 @@ class Sender:
         if self._dropped:
             _log.warning("%d samples were not told: telemetry was too slow", self._dropped)
 
-    def carry_out(self, action: Callable[[], None]) -> None:
+    def carry_out(self, action: Callable[[], object]) -> None:
         """Have an action carried out after all before it; drop it if too many wait."""
         if self._thread.ended():
             return

@@ -7,18 +7,14 @@ A physical robot is never driven: it may stand on a table.
 """
 
 import threading
-import time
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from itertools import count
-from types import SimpleNamespace
 
 import pytest
-import serial
-import serial.rfc2217
-import serial.urlhandler.protocol_socket
 from emulator_process import emulator
+from robot_under_test import PATIENCE, Client, Place
+from soaking import impatience
 
-import khepera_emulator  # noqa: F401 - registers khepera://
 from khepera_emulator.app.daemon import Daemon
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.line.clock import Clock
@@ -29,15 +25,14 @@ from khepera_emulator.robot.emulator import Emulator, Setup
 
 PORTS = ("pty", "socket", "rfc2217", "khepera")
 MODELS = ("khepera", "khepera2")
-PATIENCE = 10.0
 
 
-def pytest_addoption(parser):
+def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--port", metavar="URL", help="a physical robot's port instead of emulators")
     parser.addoption("--port-baud", type=int, default=9600, help="its rate")
 
 
-def pytest_generate_tests(metafunc):
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "place" in metafunc.fixturenames:
         physical = metafunc.config.getoption("--port", default=None)
         names = (
@@ -46,89 +41,14 @@ def pytest_generate_tests(metafunc):
         metafunc.parametrize("place", names, indirect=True, scope="session")
 
 
-class Client:
-    """A program at a robot's port, which may be opened anew."""
-
-    def __init__(self, place):
-        self.port = serial.serial_for_url(place.url, baudrate=place.baud, timeout=PATIENCE)
-        self.write = self.port.write
-        self.read = self.port.read
-        self.line = lambda: self.port.read_until(b"\n")
-
-    def ask(self, request):
-        self.write(request)
-        return self.line()
-
-    def silence(self, seconds=0.05):
-        """Return what comes without being waited for."""
-        self.port.timeout = seconds
-        try:
-            return self.read(1000)
-        finally:
-            self.port.timeout = PATIENCE
-
-
-class Place:
-    """The place of a robot.
-
-    Attributes:
-        kind: pty, socket, rfc2217, khepera (in-process) or hardware.
-        model: which robot; empty for a physical one, of which that is not known.
-        keeps: whether a robot outlives its clients.
-    """
-
-    _marks = count(1)
-
-    def __init__(self, kind, model, url, baud=9600):
-        self.kind, self.model, self.url, self.baud = kind, model, url, baud
-        self.keeps = kind != "khepera"
-        self._client = None
-
-    def open(self):
-        """A new client, in the place of the one there was."""
-        self.close()
-        self._client = Client(self)
-        return self._client
-
-    def close(self):
-        if self._client:
-            self._client.port.close()
-            self._client = None
-
-    def client(self):
-        """A client whose robot has nothing more to say, at rest."""
-        client = self._client or self.open()
-        mark = next(self._marks)
-        # one request at a time, as clients do that follow another one
-        for request, reply in (
-            (b"\nG,%d,0\n" % mark, b"g\r\n"),
-            (b"H\n", b"h,%d,0\r\n" % mark),
-            (b"D,0,0\n", b"d\r\n"),
-        ):
-            client.write(request)
-            while (line := client.line()) != reply:
-                assert line, "the robot does not answer"
-        return client
-
-
-@contextmanager
-def impatience():
-    """pySerial's network ports sleep a third of a second at every closing: a thousandth will do."""
-    quick = SimpleNamespace(sleep=lambda seconds: time.sleep(min(seconds, 0.001)), time=time.time)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(serial.urlhandler.protocol_socket, "time", quick)
-        patch.setattr(serial.rfc2217, "time", quick)
-        yield
-
-
 @pytest.fixture(scope="session")
-def place(request):
+def place(request: pytest.FixtureRequest) -> Iterator[Place]:
     kind, _, model = request.param.partition("-")
     with ExitStack() as stack:
         stack.enter_context(impatience())
         if kind == "hardware":
-            options = request.config.getoption
-            made = Place(kind, "", options("--port"), options("--port-baud"))
+            chosen = request.config.getoption
+            made = Place(kind, "", chosen("--port"), chosen("--port-baud"))
         elif kind == "khepera":
             made = Place(kind, model, f"khepera://corridor?model={model}")
         elif kind == "pty":
@@ -142,12 +62,12 @@ def place(request):
 
 
 @pytest.fixture
-def client(place):
+def client(place: Place) -> Client:
     return place.client()
 
 
 @contextmanager
-def served(kind, model):
+def served(kind: str, model: str) -> Iterator[str]:
     """A daemon in a thread of its own; gives the URL of its port."""
     make = TcpPort if kind == "socket" else Rfc2217Port
     port = make("127.0.0.1:0")

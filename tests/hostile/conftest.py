@@ -4,7 +4,7 @@
     HOSTILE_LONG=1 pytest tests/hostile      the long form, minutes
 
 A test asks `hostile.examples(n)` how many inputs to try, and says by `hostile.count(edge)` that it
-has tried one (`count_inputs` is the same function). At the end a table shows how many there were.
+has tried one. At the end a table shows how many there were.
 
     def test_hostile_names(hostile):
         @settings(max_examples=hostile.examples(50))
@@ -16,38 +16,20 @@ has tried one (`count_inputs` is the same function). At the end a table shows ho
         refused_or_taken()
 """
 
-import os
-from collections import Counter
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-
-LONGER = 40
-"""Times as many inputs in the long form."""
-
-
-class Hostile:
-    """The number of inputs to try, and of those that were tried."""
-
-    def __init__(self):
-        self.long = os.environ.get("HOSTILE_LONG") == "1"
-        self.tried = Counter()
-
-    def examples(self, number):
-        return number * LONGER if self.long else number
-
-    def count(self, edge, number=1):
-        self.tried[edge] += number
-
+from hostile_inputs import Hostile
 
 HOSTILE = pytest.StashKey[Hostile]()
 
 
-def pytest_configure(config):
+def pytest_configure(config: pytest.Config) -> None:
     config.stash[HOSTILE] = Hostile()
 
 
-def pytest_collection_modifyitems(config, items):
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Give the long form all the time it takes."""
     if config.stash[HOSTILE].long:
         for item in items:
@@ -56,17 +38,14 @@ def pytest_collection_modifyitems(config, items):
 
 
 @pytest.fixture(scope="session")
-def hostile(pytestconfig):
+def hostile(pytestconfig: pytest.Config) -> Hostile:
     return pytestconfig.stash[HOSTILE]
 
 
-@pytest.fixture(scope="session")
-def count_inputs(hostile):
-    return hostile.count
-
-
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item):
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Hand the numbers on with the test's report, which reaches the end of a parallel run, too."""
     report = yield
     tried = item.config.stash[HOSTILE].tried

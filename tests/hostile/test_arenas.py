@@ -2,10 +2,14 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import resources
 from math import isfinite, radians
+from pathlib import Path
+from typing import Any
 
 import pytest
+from hostile_inputs import Hostile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from khepera_protocol.zenoh.payloads import Pose, Reset
@@ -14,7 +18,7 @@ from worlds import arena
 from khepera_emulator.arenas.arena import MOST_LAMPS, MOST_SOLIDS, MOST_THINGS, Arena, load_arena
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.robot.emulator import Setup, make_fleet
+from khepera_emulator.robot.emulator import Emulator, Setup, make_fleet
 from khepera_emulator.world.starts import check_starts
 
 FILES = [
@@ -48,7 +52,7 @@ SUITS_ALL = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 
 
 @st.composite
-def damaged(draw, files=FILES, nasty=NASTY):
+def damaged(draw: st.DrawFn, files: list[bytes] = FILES, nasty: list[bytes] = NASTY) -> bytes:
     """A file with a few bytes cut, doubled, bent or replaced."""
     data = draw(st.sampled_from(files))
     for _ in range(draw(st.integers(1, 4))):
@@ -59,7 +63,7 @@ def damaged(draw, files=FILES, nasty=NASTY):
     return data[: draw(st.integers(0, len(data)))] if draw(st.booleans()) else data
 
 
-def refusal(attempt, *arguments):
+def refusal(attempt: Callable[..., Any], *arguments: object) -> str:
     """The sentence in which something is refused; empty if it is not."""
     try:
         attempt(*arguments)
@@ -68,12 +72,14 @@ def refusal(attempt, *arguments):
     return ""
 
 
-def test_damaged_files_are_arenas_or_refused_in_a_sentence(hostile, tmp_path):
+def test_damaged_files_are_arenas_or_refused_in_a_sentence(
+    hostile: Hostile, tmp_path: Path
+) -> None:
     path = tmp_path / "arena.toml"
 
     @settings(max_examples=hostile.examples(150), suppress_health_check=SUITS_ALL)
     @given(damaged())
-    def refused_or_taken(data):
+    def refused_or_taken(data: bytes) -> None:
         hostile.count("arenas: damaged files")
         path.write_bytes(data)
         said = refusal(load_arena, str(path))
@@ -120,7 +126,7 @@ for part, numbers in eval(sys.argv[1]).items():
 """
 
 
-def test_any_number_of_anything_can_be_seen_and_stepped(hostile):
+def test_any_number_of_anything_can_be_seen_and_stepped(hostile: Hostile) -> None:
     few = range(41)
     many = {
         "lamp": [*few, MOST_LAMPS],
@@ -144,7 +150,7 @@ def test_any_number_of_anything_can_be_seen_and_stepped(hostile):
     ("part", "most"),
     [("lamp", MOST_LAMPS), ("cylinder", MOST_SOLIDS), ("object", MOST_THINGS), ("starts", 31)],
 )
-def test_more_than_can_be_simulated_is_refused(part, most, tmp_path):
+def test_more_than_can_be_simulated_is_refused(part: str, most: int, tmp_path: Path) -> None:
     parts = {
         "lamp": "centre = [0, 0]",
         "cylinder": "centre = [0, 0]\nradius = 0.1",
@@ -158,7 +164,7 @@ def test_more_than_can_be_simulated_is_refused(part, most, tmp_path):
         load_arena(str(path))
 
 
-def test_more_stretches_and_posts_than_can_be_simulated_are_refused(tmp_path):
+def test_more_stretches_and_posts_than_can_be_simulated_are_refused(tmp_path: Path) -> None:
     points = ", ".join(f"[{k % 2}, 0]" for k in range(MOST_SOLIDS))
     path = tmp_path / "arena.toml"
     text = "version = 1\ntitle = ''\nstart = {x = 0, y = 0}\nfree = {points = [[0, 0], [1, 0]]"
@@ -167,7 +173,7 @@ def test_more_stretches_and_posts_than_can_be_simulated_are_refused(tmp_path):
         load_arena(str(path))
 
 
-def numbers(low, high):
+def numbers(low: float, high: float) -> st.SearchStrategy[float]:
     """Numbers from one bound to another, both of them often."""
     return st.sampled_from([low, high]) | st.floats(low, high)
 
@@ -212,7 +218,7 @@ PARTS = {
 
 
 @st.composite
-def arenas(draw):
+def arenas(draw: st.DrawFn) -> Arena:
     """An arena with everything at its bounds, or in one heap, or one in the other."""
     parts = {name: draw(st.lists(part, max_size=3)) for name, part in PARTS.items()}
     free = {
@@ -227,7 +233,7 @@ def arenas(draw):
         return arena(start=draw(STARTS))
 
 
-def started(given: Arena):
+def started(given: Arena) -> list[Emulator] | str:
     """Robots at all starts of an arena and at one place by chance, or why there are none."""
     try:
         return make_fleet(Setup(given, baud=None), len(given.starts) + 2)
@@ -235,10 +241,10 @@ def started(given: Arena):
         return str(error)
 
 
-def test_what_passes_can_be_driven_in_and_looked_at(hostile):
+def test_what_passes_can_be_driven_in_and_looked_at(hostile: Hostile) -> None:
     @settings(max_examples=hostile.examples(12), suppress_health_check=SUITS_ALL)
     @given(arenas(), st.integers(0, 2**32))
-    def stays_finite(given, seed):
+    def stays_finite(given: Arena, seed: int) -> None:
         hostile.count("arenas: extreme ones")
         robots = started(given)
         checked = refusal(check_starts, given, KHEPERA)
@@ -255,7 +261,7 @@ def test_what_passes_can_be_driven_in_and_looked_at(hostile):
     stays_finite()
 
 
-def live(robots, seed):
+def live(robots: list[Emulator], seed: int) -> None:
     for number, robot in enumerate(robots):
         robot.write(b"D,%d,%d\n" % (20 - number, 15))
     for _ in range(20):
@@ -275,14 +281,14 @@ def live(robots, seed):
     robots[0].reset(Reset(seed=seed))
 
 
-def test_places_out_of_bounds_are_refused_and_nothing_changes(hostile):
+def test_places_out_of_bounds_are_refused_and_nothing_changes(hostile: Hostile) -> None:
     robot = make_fleet(Setup(load_arena("corridor"), baud=None), 1)[0]
     before = robot.truth().pose
     wild = st.floats() | st.floats(-2, 2)
 
     @settings(max_examples=hostile.examples(150))
     @given(wild, wild, wild, st.none() | st.integers(0, 2**70), st.booleans())
-    def refused_or_within(x, y, heading, seed, anew):
+    def refused_or_within(x: float, y: float, heading: float, seed: int | None, anew: bool) -> None:
         hostile.count("arenas: places")
         # without the payloads' own checks: the emulator has its own
         pose = Pose.model_construct(x=x, y=y, heading=heading)

@@ -11,13 +11,17 @@ import socket
 import struct
 import sys
 import termios
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
+from hostile_inputs import Hostile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from in_process import open_robot
 from serial import rfc2217
 
 import khepera_emulator  # noqa: F401 - registers khepera://
@@ -41,13 +45,13 @@ PATHS = ["", "/", ".", "..", "x" * 300, "/proc/none/x", "\x1b[31m/x", "a/" * 300
 numbers = st.sampled_from(NUMBERS) | st.floats().map(str) | st.integers().map(str)
 
 
-def check_sentence(error):
+def check_sentence(error: EmulatorError | serial.serialutil.SerialException) -> None:
     sentence = str(error)
     assert sentence.isprintable(), repr(sentence)
     assert len(sentence) < LONGEST
 
 
-def settings_of(hostile, number):
+def settings_of(hostile: Hostile, number: int) -> settings:
     return settings(
         max_examples=hostile.examples(number),
         deadline=None,
@@ -64,10 +68,10 @@ class TestFaults:
         st.lists(st.tuples(keys, values), max_size=5),
     )
 
-    def test_are_bounded_or_refused(self, hostile):
+    def test_are_bounded_or_refused(self, hostile: Hostile) -> None:
         @settings_of(hostile, 300)
         @given(self.specs | st.text(max_size=200) | st.sampled_from(["drop:" + "p=1," * 10_000]))
-        def check(spec):
+        def check(spec: str) -> None:
             hostile.count("faults")
             try:
                 fault = parse_fault(spec)
@@ -83,13 +87,13 @@ class TestFaults:
 
         check()
 
-    def test_scripts_are_bounded_or_refused(self, hostile, tmp_path):
+    def test_scripts_are_bounded_or_refused(self, hostile: Hostile, tmp_path: Path) -> None:
         file = tmp_path / "script"
         line = st.builds("{} {}\n".format, numbers, self.specs).map(str.encode) | st.binary()
 
         @settings_of(hostile, 100)
         @given(st.lists(line, max_size=10).map(b"".join))
-        def check(data):
+        def check(data: bytes) -> None:
             hostile.count("fault scripts")
             file.write_bytes(data)
             try:
@@ -111,7 +115,7 @@ class TestFaults:
             b"1 stray:text=" + b"\\x00" * 5000,
         ],
     )
-    def test_huge_scripts_are_refused(self, hostile, tmp_path, data):
+    def test_huge_scripts_are_refused(self, hostile: Hostile, tmp_path: Path, data: bytes) -> None:
         hostile.count("fault scripts")
         file = tmp_path / "script"
         file.write_bytes(data)
@@ -120,7 +124,7 @@ class TestFaults:
         check_sentence(refused.value)
 
     @pytest.mark.parametrize("path", [*PATHS, "/dev/zero", "/proc/self/mem"])
-    def test_scripts_that_are_none_are_refused(self, hostile, path):
+    def test_scripts_that_are_none_are_refused(self, hostile: Hostile, path: str) -> None:
         hostile.count("fault scripts")
         with pytest.raises(EmulatorError) as refused:
             read_script(Path(path))
@@ -128,12 +132,12 @@ class TestFaults:
 
 
 class TestAddresses:
-    def test_are_taken_or_refused(self, hostile):
+    def test_are_taken_or_refused(self, hostile: Hostile) -> None:
         text = st.text(max_size=80) | st.builds("{}:{}".format, st.text(max_size=80), numbers)
 
         @settings_of(hostile, 300)
         @given(text)
-        def check(address):
+        def check(address: str) -> None:
             hostile.count("addresses")
             try:
                 host, port = tcp_address(address)
@@ -149,7 +153,7 @@ class TestAddresses:
     @pytest.mark.parametrize(
         "host", ["x" * 64, "x" * 300, ".", "..", "a..b", "\u00fc" * 70, "[", "[::"]
     )
-    def test_without_a_machine_are_refused(self, hostile, host):
+    def test_without_a_machine_are_refused(self, hostile: Hostile, host: str) -> None:
         hostile.count("addresses")
         with pytest.raises(EmulatorError) as refused:
             TcpPort(f"{host}:1")
@@ -163,12 +167,18 @@ class TestOptions:
     TEXTS = ["--model", "--turret", "--firmware", "--fault", "--tcp", "--rfc2217", "--robot"]
 
     @pytest.fixture
-    def starts(self, monkeypatch, capfd, hostile, tmp_path):
+    def starts(
+        self,
+        monkeypatch: pytest.MonkeyPatch,
+        capfd: pytest.CaptureFixture[str],
+        hostile: Hostile,
+        tmp_path: Path,
+    ) -> Callable[..., tuple[int, str]]:
         """Run a command that would serve a robot, and give its status; it serves nobody."""
         monkeypatch.setattr(daemon.Daemon, "run", lambda _: None)
         monkeypatch.chdir(tmp_path)
 
-        def start(*arguments):
+        def start(*arguments: str) -> tuple[int, str]:
             hostile.count("options")
             monkeypatch.setattr(sys, "argv", ["khepera-emulator", "run", "--no-zenoh", *arguments])
             status = run()
@@ -187,20 +197,31 @@ class TestOptions:
 
     @pytest.mark.parametrize("option", NUMBERED)
     @pytest.mark.parametrize("value", [each for each in NUMBERS if "\0" not in each])
-    def test_numbers_are_taken_or_refused(self, starts, option, value):
+    def test_numbers_are_taken_or_refused(
+        self, starts: Callable[..., tuple[int, str]], option: str, value: str
+    ) -> None:
         starts(f"{option}={value}")
 
     @pytest.mark.parametrize("option", TEXTS)
     @pytest.mark.parametrize(
         "value", ["", "x" * 5000, "1" * 5000, "\x1b[31m", "\udcff", "a=\u2028"]
     )
-    def test_texts_are_refused(self, starts, option, value):
+    def test_texts_are_refused(
+        self, starts: Callable[..., tuple[int, str]], option: str, value: str
+    ) -> None:
         assert starts(f"{option}={value}")[0] == 2
 
     @pytest.mark.parametrize("option", ["--link", "--record", "--fault-script", "--arena"])
     @pytest.mark.parametrize("robots", ["1", "2"])
     @pytest.mark.parametrize("value", PATHS)
-    def test_paths_are_refused_in_one_sentence(self, starts, tmp_path, option, robots, value):
+    def test_paths_are_refused_in_one_sentence(
+        self,
+        starts: Callable[..., tuple[int, str]],
+        tmp_path: Path,
+        option: str,
+        robots: str,
+        value: str,
+    ) -> None:
         status, said = starts("--arena", "open-box", "--robots", robots, f"{option}={value}")
         if option == "--link" and "\x1b" in value:  # a name like others: its folder is made
             assert status == 0
@@ -210,7 +231,9 @@ class TestOptions:
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("option", ["--link", "--record"])
-    def test_what_is_there_already_is_kept(self, starts, tmp_path, option):
+    def test_what_is_there_already_is_kept(
+        self, starts: Callable[..., tuple[int, str]], tmp_path: Path, option: str
+    ) -> None:
         folder, below = tmp_path / "folder", tmp_path / "file" / "below"
         folder.mkdir()
         below.parent.write_text("precious")
@@ -227,7 +250,7 @@ class TestUrls:
 
     NAMES = ["seed", "model", "drift", "baud", "dead-man", "robots", "robot", "fault", "turret"]
 
-    def test_open_a_robot_or_are_refused(self, hostile):
+    def test_open_a_robot_or_are_refused(self, hostile: Hostile) -> None:
         value = numbers | st.text(max_size=12)
         pairs = st.lists(
             st.tuples(st.sampled_from([*self.NAMES, "firmware", "x"]), value), max_size=3
@@ -238,11 +261,11 @@ class TestUrls:
 
         @settings_of(hostile, 100)
         @given(st.sampled_from(["open-box"]) | arena, pairs)
-        def check(name, options):
+        def check(name: str, options: list[tuple[str, str]]) -> None:
             hostile.count("khepera:// URLs")
             query = "&".join(f"{key}={value}" for key, value in options)
             try:
-                port = serial.serial_for_url(f"khepera://{name}?{query}", timeout=1)
+                port = open_robot(f"khepera://{name}?{query}", timeout=1)
             except serial.SerialException as error:
                 check_sentence(error)
                 return
@@ -254,20 +277,22 @@ class TestUrls:
 
     @pytest.mark.parametrize("name", NAMES)
     @pytest.mark.parametrize("value", ["1" * 5000, "nan", "scale=nan", "delay:for=1e308"])
-    def test_with_impossible_numbers_are_refused(self, hostile, name, value):
+    def test_with_impossible_numbers_are_refused(
+        self, hostile: Hostile, name: str, value: str
+    ) -> None:
         hostile.count("khepera:// URLs")
         with pytest.raises(serial.SerialException) as refused:
-            serial.serial_for_url(f"khepera://open-box?{name}={value}")
+            open_robot(f"khepera://open-box?{name}={value}")
         check_sentence(refused.value)
 
-    def test_with_faults_without_number_are_refused(self, hostile):
+    def test_with_faults_without_number_are_refused(self, hostile: Hostile) -> None:
         hostile.count("khepera:// URLs")
         with pytest.raises(serial.SerialException, match="a line takes 1,000 at most"):
-            serial.serial_for_url("khepera://open-box?" + "fault=drop&" * 2000)
+            open_robot("khepera://open-box?" + "fault=drop&" * 2000)
 
 
 class TestRequests:
-    def test_of_any_kind_leave_a_robot_that_answers(self, hostile):
+    def test_of_any_kind_leave_a_robot_that_answers(self, hostile: Hostile) -> None:
         pieces = st.one_of(
             st.binary(max_size=200),
             st.sampled_from(
@@ -282,13 +307,11 @@ class TestRequests:
             ),
         )
 
-        with serial.serial_for_url(
-            "khepera://open-box?baud=unpaced&turret=gripper", timeout=0.5
-        ) as port:
+        with open_robot("khepera://open-box?baud=unpaced&turret=gripper", timeout=0.5) as port:
 
             @settings_of(hostile, 200)
             @given(st.lists(pieces, max_size=10))
-            def check(parts):
+            def check(parts: list[bytes]) -> None:
                 hostile.count("requests")
                 for part in parts:
                     port.write(part)
@@ -312,7 +335,12 @@ COMMANDS = [
 ]
 
 
-def served(port, connect, request=b"B\n", limit=256):
+def served(
+    port: Rfc2217Port | TcpPort,
+    connect: Callable[..., Any],
+    request: bytes = b"B\n",
+    limit: int = 256,
+) -> None:
     """A client that comes, asks and is answered."""
     with connect(port) as client:
         client.setblocking(False)
@@ -329,7 +357,7 @@ def served(port, connect, request=b"B\n", limit=256):
 
 
 @contextmanager
-def connected(port):
+def connected(port: Rfc2217Port | TcpPort) -> Iterator[socket.socket]:
     with socket.create_connection(tcp_address(port.url.partition("//")[2]), timeout=10) as client:
         yield client
 
@@ -354,7 +382,12 @@ class TestConnections:
     leaving = st.sampled_from(["close", "half", "reset", "stay a little"])
 
     @pytest.mark.parametrize("kind", [TcpPort, Rfc2217Port])
-    def test_do_not_keep_the_line_from_the_next(self, hostile, monkeypatch, kind):
+    def test_do_not_keep_the_line_from_the_next(
+        self,
+        hostile: Hostile,
+        monkeypatch: pytest.MonkeyPatch,
+        kind: type[Rfc2217Port] | type[TcpPort],
+    ) -> None:
         monkeypatch.setattr(tcp, "GRACE", 0.0)
         port = kind("127.0.0.1:0")
 
@@ -362,7 +395,7 @@ class TestConnections:
         @given(
             st.lists(st.tuples(self.sent, self.leaving), min_size=1, max_size=3), st.integers(0, 1)
         )
-        def check(clients, room):
+        def check(clients: list[tuple[list[bytes], str]], room: int) -> None:
             for data, leaving in clients:
                 hostile.count(f"{kind.scheme} clients")
                 with connected(port) as client, suppress(OSError):
@@ -386,22 +419,22 @@ class TestConnections:
         port.close()
 
 
-def cooked(settings):
+def cooked(settings: list[Any]) -> None:
     settings[0] |= termios.ICRNL | termios.IXON
     settings[3] |= termios.ICANON | termios.ECHO | termios.ISIG
 
 
-def odd(settings):
+def odd(settings: list[Any]) -> None:
     settings[2] = settings[2] & ~termios.CSIZE | termios.CS5 | termios.PARENB
     settings[4] = settings[5] = termios.B50
 
 
-def hung_up(settings):
+def hung_up(settings: list[Any]) -> None:
     settings[4] = settings[5] = termios.B0
 
 
-def setting_of(change):
-    def act(_, terminal):
+def setting_of(change: Callable[[list[Any]], None]) -> Callable[[PtyPort, int], None]:
+    def act(_: PtyPort, terminal: int) -> None:
         settings = termios.tcgetattr(terminal)
         change(settings)
         termios.tcsetattr(terminal, termios.TCSANOW, settings)
@@ -409,7 +442,7 @@ def setting_of(change):
     return act
 
 
-ACTS = {
+ACTS: dict[str, Callable[[PtyPort, int], object]] = {
     "cooked": setting_of(cooked),
     "odd": setting_of(odd),
     "hang up": setting_of(hung_up),
@@ -427,13 +460,13 @@ ACTS = {
 class TestTerminals:
     """Actions of clients on a pseudo-terminal, and what they leave behind."""
 
-    def test_do_not_keep_the_line_from_the_next(self, hostile, tmp_path):
+    def test_do_not_keep_the_line_from_the_next(self, hostile: Hostile, tmp_path: Path) -> None:
         acts = st.sampled_from(list(ACTS)) | st.binary(max_size=20)
         link_path = tmp_path / "khepera"
 
         @settings_of(hostile, 200)
         @given(st.lists(st.lists(acts, max_size=8), max_size=3))
-        def check(clients):
+        def check(clients: Sequence[list[bytes | str]]) -> None:
             with Link(link_path) as link:
                 port = PtyPort(link.point_to)
                 link.point_to(port.url)

@@ -5,19 +5,24 @@ import json
 import os
 import tracemalloc
 import zipfile
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from as_type import not_none
 from damage import damaged
+from hostile_inputs import Hostile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_map_file import a_brain
 
 from macor_hil.errors import MapError
 from macor_hil.hardware.driver import DriveSettings
+from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner
 from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.settings import MindSettings
@@ -29,7 +34,7 @@ PEAK = 320 * MIB
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("maps") / "whole.npz"
     save_map(path, a_brain(), {"place": "here"})
     return path.read_bytes()
@@ -38,12 +43,12 @@ def whole(tmp_path_factory):
 OLDER = Path(__file__).parents[1] / "maps" / "version-3.npz"
 
 
-def members_of(data):
+def members_of(data: bytes) -> dict[str, bytes]:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-def archive_of(members, compression=zipfile.ZIP_DEFLATED):
+def archive_of(members: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", compression) as archive:
         for name, data in members.items():
@@ -51,18 +56,18 @@ def archive_of(members, compression=zipfile.ZIP_DEFLATED):
     return buffer.getvalue()
 
 
-def arrays_of(data):
+def arrays_of(data: bytes) -> dict[str, np.ndarray]:
     with np.load(io.BytesIO(data)) as archive:
         return dict(archive)
 
 
-def map_of(arrays):
+def map_of(arrays: dict[str, np.ndarray]) -> bytes:
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
+    np.savez_compressed(buffer, **cast(dict[str, Any], arrays))
     return buffer.getvalue()
 
 
-def drive_by(brain):
+def drive_by(brain: Brain) -> None:
     """Plan with all planners: what cannot be planned with should not have been read."""
     if not brain.clusterer.size:
         return
@@ -73,12 +78,12 @@ def drive_by(brain):
             assert all(value is None or np.isfinite(value) for value in plan.evaluations)
 
 
-def one_sentence(error, path):
+def one_sentence(error: MapError, path: Path) -> None:
     assert str(path) in str(error)
     assert str(error).isprintable()
 
 
-def refused_or_good(path, data):
+def refused_or_good(path: Path, data: bytes) -> None:
     path.write_bytes(data)
     try:
         brain, training = load_map(path)
@@ -89,19 +94,19 @@ def refused_or_good(path, data):
         drive_by(brain)
 
 
-def test_damaged_copies_of_a_map(hostile, whole, tmp_path):
+def test_damaged_copies_of_a_map(hostile: Hostile, whole: bytes, tmp_path: Path) -> None:
     path = tmp_path / "map.npz"
 
     @settings(max_examples=hostile.examples(150))
     @given(damaged(whole))
-    def check(data):
+    def check(data: bytes) -> None:
         hostile.count("maps")
         refused_or_good(path, data)
 
     check()
 
 
-def test_damaged_copies_of_a_map_of_the_version_before(hostile, tmp_path):
+def test_damaged_copies_of_a_map_of_the_version_before(hostile: Hostile, tmp_path: Path) -> None:
     path = tmp_path / "map.npz"
     members = members_of(OLDER.read_bytes())
 
@@ -116,32 +121,34 @@ def test_damaged_copies_of_a_map_of_the_version_before(hostile, tmp_path):
             ),
         )
     )
-    def check(data):
+    def check(data: bytes) -> None:
         hostile.count("maps")
         refused_or_good(path, data)
 
     check()
 
 
-def test_maps_with_damage_behind_their_checksums(hostile, whole, tmp_path):
+def test_maps_with_damage_behind_their_checksums(
+    hostile: Hostile, whole: bytes, tmp_path: Path
+) -> None:
     path, members = tmp_path / "map.npz", members_of(whole)
 
     @settings(max_examples=hostile.examples(150))
     @given(
         st.sampled_from(sorted(members)).flatmap(lambda n: st.tuples(st.just(n), _of(members, n)))
     )
-    def check(damage):
+    def check(damage: tuple[str, bytes]) -> None:
         hostile.count("maps")
         refused_or_good(path, archive_of({**members, damage[0]: damage[1]}))
 
     check()
 
 
-def _of(members, name):
+def _of(members: dict[str, bytes], name: str) -> st.SearchStrategy[bytes]:
     return damaged(members[name])
 
 
-def test_maps_whose_text_was_edited(hostile, whole, tmp_path):
+def test_maps_whose_text_was_edited(hostile: Hostile, whole: bytes, tmp_path: Path) -> None:
     path, arrays = tmp_path / "map.npz", arrays_of(whole)
     meta = json.loads(str(arrays["meta"]))
     odd = st.one_of(
@@ -156,7 +163,7 @@ def test_maps_whose_text_was_edited(hostile, whole, tmp_path):
 
     @settings(max_examples=hostile.examples(150))
     @given(st.sampled_from(sorted(_leaves(meta))), odd)
-    def check(place, value):
+    def check(place: tuple[str, ...], value: Any) -> None:
         hostile.count("maps")
         changed = json.loads(json.dumps(meta))
         _put(changed, place, value)
@@ -165,7 +172,9 @@ def test_maps_whose_text_was_edited(hostile, whole, tmp_path):
     check()
 
 
-def _leaves(value, place=()):
+def _leaves(
+    value: dict[str, Any] | float | str, place: tuple[str, ...] = ()
+) -> Iterator[tuple[str, ...]]:
     if isinstance(value, dict):
         yield place
         for name, item in value.items():
@@ -174,7 +183,7 @@ def _leaves(value, place=()):
         yield place
 
 
-def _put(value, place, item):
+def _put(value: dict[str, Any], place: tuple[str, ...], item: Any) -> None:
     if not place:
         value.clear()
         value["settings"] = item
@@ -221,7 +230,9 @@ COMPETENCE = ("settings", "memories", "transitions", "settings")
         ("eyes/low", lambda a: a * NAN, "low holds a number"),
     ],
 )
-def test_impossible_numbers_are_refused_when_a_map_is_read(whole, tmp_path, name, change, says):
+def test_impossible_numbers_are_refused_when_a_map_is_read(
+    whole: bytes, tmp_path: Path, name: str, change: Callable[..., Any], says: str
+) -> None:
     arrays = arrays_of(whole)
     path = tmp_path / "map.npz"
     path.write_bytes(map_of({**arrays, name: change(arrays[name])}))
@@ -256,7 +267,13 @@ def test_impossible_numbers_are_refused_when_a_map_is_read(whole, tmp_path, name
         (("training",), [1], "training should be an object"),
     ],
 )
-def test_impossible_settings_are_refused_when_a_map_is_read(whole, tmp_path, place, value, says):
+def test_impossible_settings_are_refused_when_a_map_is_read(
+    whole: bytes,
+    tmp_path: Path,
+    place: tuple[str, ...],
+    value: dict[str, dict[str, float]],
+    says: str,
+) -> None:
     arrays = arrays_of(whole)
     meta = json.loads(str(arrays["meta"]))
     _put(meta, place, value)
@@ -266,12 +283,12 @@ def test_impossible_settings_are_refused_when_a_map_is_read(whole, tmp_path, pla
         load_map(path)
 
 
-def npy_of(shape, kind="<f8", data=b""):
+def npy_of(shape: tuple[int, ...] | str, kind: str = "<f8", data: bytes = b"") -> bytes:
     header = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
     return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + data
 
 
-def lying_archive(size, stated):
+def lying_archive(size: int, stated: int) -> bytes:
     """Zeros, as a member that says it has another size."""
     data = bytearray(archive_of({"weights.npy": npy_of((size,), "|u1", bytes(size))}))
     at = data.rindex(b"PK\x01\x02") + 24
@@ -297,7 +314,9 @@ def lying_archive(size, stated):
         lambda: map_of({"meta": np.zeros(8 * MIB // 8)}),
     ],
 )
-def test_what_expands_without_end_is_refused_before_it_is_expanded(tmp_path, bomb):
+def test_what_expands_without_end_is_refused_before_it_is_expanded(
+    tmp_path: Path, bomb: Callable[..., Any]
+) -> None:
     path = tmp_path / "bomb.npz"
     path.write_bytes(bomb())
     tracemalloc.start()
@@ -309,7 +328,7 @@ def test_what_expands_without_end_is_refused_before_it_is_expanded(tmp_path, bom
         tracemalloc.stop()
 
 
-def test_a_large_map_takes_no_more_than_its_bounds_allow(tmp_path):
+def test_a_large_map_takes_no_more_than_its_bounds_allow(tmp_path: Path) -> None:
     brain = build_brain(MindSettings(nodes=1000))
     save_map(tmp_path / "large.npz", brain, {"seen": [[0.25] * 36] * 2000})
     tracemalloc.start()
@@ -320,7 +339,7 @@ def test_a_large_map_takes_no_more_than_its_bounds_allow(tmp_path):
         tracemalloc.stop()
 
 
-def test_what_is_no_regular_file_is_not_waited_for(tmp_path):
+def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path, Path("/dev/zero")):
         with pytest.raises(MapError, match=r"not a regular file|Is a directory"):
@@ -328,7 +347,8 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path):
 
 
 SCHEDULE = Schedule(tuning=20, random=30, session=10)
-HARDWARE = (SimpleNamespace(settings=DriveSettings()), None, None)
+# nothing of it is ever used but the settings
+HARDWARE: Any = (SimpleNamespace(settings=DriveSettings()), None, None)
 FACTS = {"place": "here", "schedule": asdict(SCHEDULE), "drive": asdict(DriveSettings())}
 
 
@@ -356,20 +376,22 @@ FACTS = {"place": "here", "schedule": asdict(SCHEDULE), "drive": asdict(DriveSet
         {"sessions": 1, "spam": 1},
     ],
 )
-def test_odd_checkpoints_are_refused_before_anything_is_driven(tmp_path, facts):
+def test_odd_checkpoints_are_refused_before_anything_is_driven(
+    tmp_path: Path, facts: dict[str, int]
+) -> None:
     path = tmp_path / "map.npz"
     brain = build_brain(MindSettings(nodes=7))
     known = json.loads(json.dumps(FACTS, default=str))
     save_map(checkpoint_path(path), brain, {**known, **facts})
     with pytest.raises(MapError, match="begin anew with --restart"):
-        train_map(path, brain.settings, SCHEDULE, "here", HARDWARE, lambda _: None)
+        train_map(path, not_none(brain.settings), SCHEDULE, "here", HARDWARE, lambda _: None)
     assert not path.exists()
 
 
-def test_a_checkpoint_with_other_settings_is_another_training(tmp_path):
+def test_a_checkpoint_with_other_settings_is_another_training(tmp_path: Path) -> None:
     path = tmp_path / "map.npz"
     brain = build_brain(MindSettings(nodes=7))
     save_map(checkpoint_path(path), brain, {**FACTS, "sessions": 0})
-    other = replace(brain.settings, nodes=8)
+    other = replace(not_none(brain.settings), nodes=8)
     with pytest.raises(MapError, match="settings differ"):
         train_map(path, other, SCHEDULE, "here", HARDWARE, lambda _: None)

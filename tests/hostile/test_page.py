@@ -6,11 +6,14 @@ import json
 import os
 import socket
 import time
+from collections.abc import Iterator
 from urllib.parse import urlsplit
 
 import pytest
+from as_type import not_none
 from controller_helpers import free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
+from hostile_inputs import Hostile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -44,14 +47,14 @@ OURS = ["127.0.0.1:{port}", "localhost:{port}", "[::1]:{port}", "LOCALHOST:9000"
 
 
 @pytest.fixture(scope="module")
-def port():
+def port() -> Iterator[int]:
     with dashboard("--connect", "tcp/127.0.0.1:9") as address:
-        number = urlsplit(address).port
+        number = not_none(urlsplit(address).port)
         wait_for(number)
         yield number
 
 
-def test_samples_of_no_robot_neither_stop_nor_swell_the_dashboard(hostile):
+def test_samples_of_no_robot_neither_stop_nor_swell_the_dashboard(hostile: Hostile) -> None:
     endpoint = free_endpoint()
     value = json.loads(EXAMPLES[Learned].model_dump_json())
     value["fields"]["sectors"] = 100_000
@@ -67,7 +70,7 @@ def test_samples_of_no_robot_neither_stop_nor_swell_the_dashboard(hostile):
         dashboard("--connect", endpoint) as address,
     ):
         wait_until_watched(session, "macor/khepera/map")
-        number = urlsplit(address).port
+        number = not_none(urlsplit(address).port)
         wait_for(number)
         for key, data in evil:
             hostile.count("page")
@@ -77,14 +80,16 @@ def test_samples_of_no_robot_neither_stop_nor_swell_the_dashboard(hostile):
         assert open_websocket(number, f"127.0.0.1:{number}") == 101
 
 
-def wait_for(port):
+def wait_for(port: int) -> None:
     """Return when the page is served."""
     end = time.monotonic() + PATIENCE
     while socket.socket().connect_ex(("127.0.0.1", port)):
         assert time.monotonic() < end
 
 
-def ask(port, path, hosts, method="GET", **headers):
+def ask(
+    port: int, path: str, hosts: list[str], method: str = "GET", **headers: str
+) -> tuple[int, bytes]:
     """Status of a request with these Host headers, and what came."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
@@ -99,7 +104,7 @@ def ask(port, path, hosts, method="GET", **headers):
     return answer.status, body
 
 
-def open_websocket(port, host, origin=None):
+def open_websocket(port: int, host: str, origin: str | None = None) -> int:
     """Status line of a WebSocket's handshake, without any library between."""
     lines = [
         f"GET {SOCKET}websocket HTTP/1.1",
@@ -116,7 +121,7 @@ def open_websocket(port, host, origin=None):
 
 
 @pytest.mark.parametrize("host", OURS)
-def test_pages_of_this_machine_are_served(port, host):
+def test_pages_of_this_machine_are_served(port: int, host: str) -> None:
     here = host.format(port=port)
     status, body = ask(port, "/", [here])
     assert (status, b"macor-hil" in body) == (200, True)
@@ -126,7 +131,7 @@ def test_pages_of_this_machine_are_served(port, host):
 
 
 @pytest.mark.parametrize("host", STRANGERS)
-def test_a_name_that_leads_here_gets_nothing(port, host, hostile):
+def test_a_name_that_leads_here_gets_nothing(port: int, host: str, hostile: Hostile) -> None:
     there = host.format(port=port)
     for path in PATHS:
         hostile.count("page")
@@ -152,7 +157,7 @@ def test_a_name_that_leads_here_gets_nothing(port, host, hostile):
         "http://127.0.0.1:{port} http://evil.example",
     ],
 )
-def test_a_page_from_elsewhere_gets_nothing(port, origin, hostile):
+def test_a_page_from_elsewhere_gets_nothing(port: int, origin: str, hostile: Hostile) -> None:
     here, there = f"127.0.0.1:{port}", origin.format(port=port)
     for path in PATHS:
         for method in ("GET", "POST", "OPTIONS"):
@@ -161,7 +166,7 @@ def test_a_page_from_elsewhere_gets_nothing(port, origin, hostile):
     assert open_websocket(port, here, there) == 403
 
 
-def test_requests_without_a_name_or_with_two_get_nothing(port, hostile):
+def test_requests_without_a_name_or_with_two_get_nothing(port: int, hostile: Hostile) -> None:
     here = f"127.0.0.1:{port}"
     for hosts in ([], [here, "evil.example"], ["evil.example", here], [here, here]):
         hostile.count("page")
@@ -172,13 +177,13 @@ def test_requests_without_a_name_or_with_two_get_nothing(port, hostile):
         assert connection.recv(64).split()[1] in (b"400", b"403")
 
 
-def test_a_forwarded_host_does_not_count(port, hostile):
+def test_a_forwarded_host_does_not_count(port: int, hostile: Hostile) -> None:
     for name in ("X-Forwarded-Host", "Forwarded", "X-Host"):
         hostile.count("page")
         assert ask(port, "/", ["evil.example"], **{name: f"127.0.0.1:{port}"})[0] == 403
 
 
-def test_names_and_origins_of_every_making(hostile):
+def test_names_and_origins_of_every_making(hostile: Hostile) -> None:
     texts = st.text(st.sampled_from("localhost127.:[]@/\\ \t\x00é%0"), max_size=24)
     names = st.one_of(
         texts, st.sampled_from(sorted(NAMES)), st.builds("{}:{}".format, texts, texts)
@@ -186,7 +191,7 @@ def test_names_and_origins_of_every_making(hostile):
 
     @settings(max_examples=hostile.examples(300))
     @given(st.lists(names, max_size=2), st.lists(names, max_size=2))
-    def passed_or_refused(hosts, origins):
+    def passed_or_refused(hosts: list[str], origins: list[str]) -> None:
         hostile.count("page")
         headers = [(b"host", host.encode("latin-1")) for host in hosts]
         headers += [(b"origin", f"http://{origin}".encode("latin-1")) for origin in origins]

@@ -5,14 +5,18 @@ import io
 import json
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
 import pytest
+from hostile_inputs import Hostile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from khepera_protocol.zenoh.controller_payloads import Decision, Learned
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR, KEYS, PAYLOADS
 from khepera_protocol.zenoh.payload_model import MOST_JSON, PayloadError
-from khepera_protocol.zenoh.payloads import Stamp
+from khepera_protocol.zenoh.payloads import CameraQuery, Stamp
 from khepera_protocol.zenoh.schema import schema_of
 from rich.console import Console
 from watching_helpers import BEGIN, a_picture
@@ -21,7 +25,7 @@ from macor_hil.monitor.dashboard import arena, charts, eyes, texts
 from macor_hil.monitor.robot_state import RobotState
 from macor_hil.monitor.terminal_view import render
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.feed import Arrival, Presence
+from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
 
 MODELS = sorted(EXAMPLES, key=lambda model: model.__name__)
@@ -68,14 +72,14 @@ ODD = st.one_of(
 )
 
 
-def written(value):
+def written(value: Any) -> bytes:
     text = json.dumps(value)
     for name, stands_for in BEYOND.items():
         text = text.replace(f'"{name}"', stands_for)
     return text.encode(errors="surrogatepass")
 
 
-def places(value, place=()):
+def places(value: Any, place: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str, ...]]:
     """Every place in a JSON value."""
     yield place
     if isinstance(value, dict | list):
@@ -83,16 +87,16 @@ def places(value, place=()):
             yield from places(each, (*place, key))
 
 
-def put(value, place, odd):
+def put(value: Any, place: tuple[int | str, ...], odd: Any) -> Any:
     if not place:
         return odd
-    copy = dict(value) if isinstance(value, dict) else list(value)
+    copy: Any = dict(value) if isinstance(value, dict) else list(value)
     copy[place[0]] = put(copy[place[0]], place[1:], odd)
     return copy
 
 
 @st.composite
-def damaged(draw, model):
+def damaged(draw: st.DrawFn, model: Any) -> bytes:
     """An example with some of its places replaced, or damaged as a text."""
     value = json.loads(EXAMPLES[model].model_dump_json())
     for _ in range(draw(st.integers(1, 3))):
@@ -107,7 +111,7 @@ def damaged(draw, model):
     return data
 
 
-def numbers(schema):
+def numbers(schema: dict[str, Any]) -> st.SearchStrategy[float]:
     low = schema.get("minimum", schema.get("exclusiveMinimum", 0))
     high = schema["maximum"]
     if schema["type"] == "integer":
@@ -116,7 +120,7 @@ def numbers(schema):
     return st.one_of(st.sampled_from([least, high]), st.floats(least, high))
 
 
-def within(schema):
+def within(schema: dict[str, Any]) -> st.SearchStrategy[Any]:
     """Values at and between the bounds of a schema."""
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
@@ -139,7 +143,7 @@ def within(schema):
     return numbers(schema)
 
 
-def bounded(value, limit=1e10):
+def bounded(value: Any, limit: float = 1e10) -> bool:
     if isinstance(value, dict):
         return all(map(bounded, value.values()))
     if isinstance(value, list):
@@ -148,12 +152,14 @@ def bounded(value, limit=1e10):
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
-def test_damaged_payloads_are_bounded_or_refused(model, hostile):
+def test_damaged_payloads_are_bounded_or_refused(
+    model: type[CameraQuery] | type[Decision], hostile: Hostile
+) -> None:
     refusals = []
 
     @settings(max_examples=hostile.examples(40))
     @given(damaged(model))
-    def taken_or_refused(data):
+    def taken_or_refused(data: bytes) -> None:
         hostile.count("payloads")
         try:
             payload = model.parse(data)
@@ -183,7 +189,9 @@ def test_damaged_payloads_are_bounded_or_refused(model, hostile):
     ],
     ids=range(9),
 )
-def test_large_and_deep_texts_are_refused(model, data, hostile):
+def test_large_and_deep_texts_are_refused(
+    model: type[CameraQuery] | type[Decision], data: bytes, hostile: Hostile
+) -> None:
     hostile.count("payloads")
     with pytest.raises(PayloadError) as refused:
         model.parse(data)
@@ -191,7 +199,7 @@ def test_large_and_deep_texts_are_refused(model, data, hostile):
 
 
 @pytest.mark.parametrize("count", [361, 100_000, 2**40, 10**400])
-def test_a_map_of_too_many_sectors_is_refused(count, hostile):
+def test_a_map_of_too_many_sectors_is_refused(count: int, hostile: Hostile) -> None:
     hostile.count("payloads")
     value = json.loads(EXAMPLES[Learned].model_dump_json())
     value["fields"]["sectors"] = count
@@ -201,7 +209,9 @@ def test_a_map_of_too_many_sectors_is_refused(count, hostile):
 
 @pytest.mark.parametrize("name", ["activities", "features", "hypotheses", "sequence_ahead"])
 @pytest.mark.parametrize("item", ["x", 1e300, None, {}])
-def test_long_lists_of_nonsense_end_at_the_first(name, item, hostile):
+def test_long_lists_of_nonsense_end_at_the_first(
+    name: str, item: float | str | None, hostile: Hostile
+) -> None:
     hostile.count("payloads")
     value = json.loads(EXAMPLES[Decision].model_dump_json())
     value[name] = [item] * 200_000
@@ -209,7 +219,7 @@ def test_long_lists_of_nonsense_end_at_the_first(name, item, hostile):
         Decision.parse(json.dumps(value).encode()[:MOST_JSON])
 
 
-def show_everything(watched, now):
+def show_everything(watched: RobotState, now: float) -> None:
     """All that is drawn and said of a robot; drawings are well-formed, texts harmless."""
     seen = watched.controlled
     drawings = [
@@ -235,22 +245,25 @@ def show_everything(watched, now):
         *texts.wire(watched).split("\n"),
     ]
     assert all(text.isprintable() for text in said)
-    console = Console(file=io.StringIO(), width=80, height=24, force_terminal=True)
+    screen = io.StringIO()
+    console = Console(file=screen, width=80, height=24, force_terminal=True)
     console.print(render(watched, now))
-    picture = console.file.getvalue()
+    picture = screen.getvalue()
     assert "\x1b]" not in picture  # neither titles nor links
     assert "\x1b[2J" not in picture
     # 24 lines, and those of a name that is as wide as a line
     assert picture.count("\n") < 40
 
 
-def arrival(key, data):
+def arrival(key: tuple[str, str], data: bytes) -> Arrival:
     side, leaf = key
     stamp = Stamp(sequence=2**32 - 1, time=1e10)
     return Arrival(side, leaf, data, "application/json", stamp, BEGIN)
 
 
-def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(hostile, tmp_path):
+def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(
+    hostile: Hostile, tmp_path: Path
+) -> None:
     moments = st.lists(
         st.sampled_from(JSON_KEYS).flatmap(
             lambda key: st.tuples(st.just(key), within(schema_of(PAYLOADS[key])))
@@ -261,9 +274,9 @@ def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(hostile, tmp_path):
 
     @settings(max_examples=hostile.examples(30))
     @given(moments)
-    def shown(samples):
+    def shown(samples: Sequence[tuple[tuple[str, str], dict[str, float | object | str]]]) -> None:
         watched = RobotState("khepera")
-        events = [Presence(EMULATOR, True, BEGIN), Presence(CONTROLLER, True, BEGIN)]
+        events: list[Event] = [Presence(EMULATOR, True, BEGIN), Presence(CONTROLLER, True, BEGIN)]
         events += [arrival(key, written(value)) for key, value in samples]
         hostile.count("payloads", len(samples))
         with Recorder(tmp_path / "x.mcap", "khepera") as recorder:
@@ -278,16 +291,16 @@ def test_whatever_keeps_to_the_bounds_is_shown_and_recorded(hostile, tmp_path):
     shown()
 
 
-def test_whatever_comes_on_any_key_ends_nobody(hostile, tmp_path):
+def test_whatever_comes_on_any_key_ends_nobody(hostile: Hostile, tmp_path: Path) -> None:
     keys = [(key.side, key.leaf) for key in KEYS if key.published]
 
-    def of(key):
+    def of(key: tuple[str, str]) -> st.SearchStrategy[tuple[tuple[str, str], bytes]]:
         texts = damaged(PAYLOADS[key]) if key in PAYLOADS else st.binary(max_size=100)
         return st.tuples(st.just(key), st.one_of(texts, st.binary(max_size=20)))
 
     @settings(max_examples=hostile.examples(30))
     @given(st.lists(st.sampled_from(keys).flatmap(of), min_size=1, max_size=4))
-    def survived(samples):
+    def survived(samples: list[tuple[tuple[str, str], bytes]]) -> None:
         watched = RobotState("khepera")
         hostile.count("payloads", len(samples))
         with Recorder(tmp_path / "x.mcap", "khepera") as recorder:

@@ -3,12 +3,15 @@
 import os
 import struct
 import zlib
+from pathlib import Path
 from queue import SimpleQueue
 
 import cv2
 import numpy as np
 import pytest
+import zenoh
 from controller_helpers import PATIENCE, free_endpoint, wait_until_watched
+from hostile_inputs import Hostile
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -22,12 +25,12 @@ from macor_hil.telemetry.ros2.bridge import Bridge
 from macor_hil.telemetry.session import open_session
 
 
-def a_view(seed=0, side=48):
+def a_view(seed: int = 0, side: int = 48) -> np.ndarray:
     rng = np.random.default_rng(seed)
     return cv2.GaussianBlur(rng.integers(0, 256, (side, side, 3), dtype=np.uint8), (5, 5), 2)
 
 
-def encoded(kind, image=None, *options):
+def encoded(kind: str, image: np.ndarray | None = None, *options: int) -> bytes:
     return cv2.imencode(kind, a_view() if image is None else image, options)[1].tobytes()
 
 
@@ -40,28 +43,30 @@ WHOLE = {
 }
 
 
-def chunk(kind, data):
+def chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def a_png(width, height, depth=8, colour=2, rows=b"", extra=b""):
+def a_png(
+    width: int, height: int, depth: int = 8, colour: int = 2, rows: bytes = b"", extra: bytes = b""
+) -> bytes:
     head = struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0)
     body = chunk(b"IHDR", head) + extra + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + body
 
 
-def resized(jpeg, width, height):
+def resized(jpeg: bytes, width: int, height: int) -> bytes:
     """A JPEG that claims another size."""
     at = jpeg.index(b"\xff\xc0") + 5
     return jpeg[:at] + struct.pack(">HH", height, width) + jpeg[at + 4 :]
 
 
-def a_bmp(width, height, bits=24, start=54):
+def a_bmp(width: int, height: int, bits: int = 24, start: int = 54) -> bytes:
     head = struct.pack("<IHHIIiiHHIIiiII", 54, 0, 0, start, 40, width, height, 1, bits, *[0] * 6)
     return b"BM" + head + bytes(64)
 
 
-def rows_of(image):
+def rows_of(image: np.ndarray) -> bytes:
     return b"".join(b"\0" + row[:, ::-1].tobytes() for row in image)
 
 
@@ -99,7 +104,7 @@ CHANNELS = [
 ]
 
 
-def taken(data, says=""):
+def taken(data: bytes, says: str = "") -> bool:
     """Return whether a picture is taken; it may only be refused by its name."""
     try:
         image = decode_picture(data, "no picture")
@@ -115,14 +120,14 @@ def taken(data, says=""):
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-def test_a_whole_picture_is_taken(kind):
+def test_a_whole_picture_is_taken(kind: str) -> None:
     image = decode_picture(WHOLE[kind], "no picture")
     assert image.shape == (48, 48, 3)
     assert np.abs(image.astype(int) - a_view()).mean() < 6
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-def test_every_beginning_of_a_picture_is_refused(kind, hostile):
+def test_every_beginning_of_a_picture_is_refused(kind: str, hostile: Hostile) -> None:
     whole = WHOLE[kind]
     for size in range(len(whole)):
         assert not taken(whole[:size])
@@ -130,7 +135,7 @@ def test_every_beginning_of_a_picture_is_refused(kind, hostile):
 
 
 @pytest.mark.parametrize("name", BOMBS)
-def test_a_bomb_is_refused(name, hostile, monkeypatch):
+def test_a_bomb_is_refused(name: str, hostile: Hostile, monkeypatch: pytest.MonkeyPatch) -> None:
     if "half" not in name:  # its header is good
         monkeypatch.setattr(cv2, "imdecode", None)  # it is refused before it is decoded
     assert not taken(BOMBS[name])
@@ -138,12 +143,12 @@ def test_a_bomb_is_refused(name, hostile, monkeypatch):
 
 
 @pytest.mark.parametrize(("says", "data"), CHANNELS, ids=lambda value: str(value)[:20])
-def test_other_channels_are_refused(says, data, hostile):
+def test_other_channels_are_refused(says: str, data: bytes, hostile: Hostile) -> None:
     assert not taken(data, says)
     hostile.count("picture, channels")
 
 
-def test_a_picture_of_too_many_bytes_is_not_decoded():
+def test_a_picture_of_too_many_bytes_is_not_decoded() -> None:
     assert not taken(WHOLE["PNG"] + bytes(MAX_BYTES), "at most are read")
 
 
@@ -151,8 +156,8 @@ ways = st.sampled_from(["flip", "cut", "insert", "drop"])
 damages = st.lists(st.tuples(ways, st.integers(0), st.binary(max_size=8)), min_size=1, max_size=6)
 
 
-def damaged(data, damage):
-    data = bytearray(data)
+def damaged(whole: bytes, damage: list[tuple[str, int, bytes]]) -> bytes:
+    data = bytearray(whole)
     for what, number, some in damage:
         at = number % (len(data) + 1)
         if what == "flip" and at < len(data):
@@ -166,28 +171,28 @@ def damaged(data, damage):
     return bytes(data)
 
 
-def test_a_damaged_picture_is_refused_by_its_name_or_taken(hostile):
+def test_a_damaged_picture_is_refused_by_its_name_or_taken(hostile: Hostile) -> None:
     @settings(max_examples=hostile.examples(300))
     @given(st.sampled_from(sorted(WHOLE)), damages)
-    def check(kind, damage):
+    def check(kind: str, damage: list[tuple[str, int, bytes]]) -> None:
         taken(damaged(WHOLE[kind], damage))
         hostile.count("picture, damaged")
 
     check()
 
 
-def test_any_bytes_are_refused(hostile):
+def test_any_bytes_are_refused(hostile: Hostile) -> None:
     @settings(max_examples=hostile.examples(200))
     @given(st.sampled_from([b"", b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM"]), st.binary())
     @example(b"", b"")
-    def check(start, data):
+    def check(start: bytes, data: bytes) -> None:
         assert not taken(start + data)
         hostile.count("picture, any bytes")
 
     check()
 
 
-def test_a_file_of_a_folder_is_refused_as_bytes_are(hostile, tmp_path):
+def test_a_file_of_a_folder_is_refused_as_bytes_are(hostile: Hostile, tmp_path: Path) -> None:
     path = tmp_path / "a.png"
     tried = [
         *BOMBS.values(),
@@ -201,7 +206,7 @@ def test_a_file_of_a_folder_is_refused_as_bytes_are(hostile, tmp_path):
     hostile.count("picture file", len(tried))
 
 
-def test_what_is_no_file_is_refused(tmp_path, hostile):
+def test_what_is_no_file_is_refused(tmp_path: Path, hostile: Hostile) -> None:
     (tmp_path / "folder.png").mkdir()
     os.mkfifo(tmp_path / "pipe.png")
     (tmp_path / "link.png").symlink_to("nowhere")
@@ -211,7 +216,7 @@ def test_what_is_no_file_is_refused(tmp_path, hostile):
         hostile.count("picture file")
 
 
-def test_the_dashboard_neither_draws_nor_passes_on_what_is_no_picture(hostile):
+def test_the_dashboard_neither_draws_nor_passes_on_what_is_no_picture(hostile: Hostile) -> None:
     for data in (*BOMBS.values(), *(whole[:-3] for whole in WHOLE.values())):
         watched = RobotState("khepera")
         watched.see(data, 1.0)
@@ -235,15 +240,15 @@ STAMPS = [
 ]
 
 
-def test_a_camera_on_zenoh_is_refused_by_name_whatever_it_answers(hostile):
+def test_a_camera_on_zenoh_is_refused_by_name_whatever_it_answers(hostile: Hostile) -> None:
     cut = [whole[:-3] for whole in WHOLE.values()]
     pictures = [*BOMBS.values(), *(data for _, data in CHANNELS), *cut, b"", b"flour"]
-    answers = [(picture, None) for picture in pictures]
+    answers: list[tuple[bytes, bytes | None]] = [(picture, None) for picture in pictures]
     answers += [(WHOLE["PNG"], stamp) for stamp in STAMPS]
     left = iter(answers)
     endpoint = free_endpoint()
 
-    def answer(query):
+    def answer(query: zenoh.Query) -> None:
         with query:
             payload, attachment = next(left)
             query.reply("any/key", payload, attachment=attachment)
@@ -261,14 +266,14 @@ def test_a_camera_on_zenoh_is_refused_by_name_whatever_it_answers(hostile):
             hostile.count("camera on Zenoh")
 
 
-def test_the_ros_bridge_forwards_no_picture_that_cannot_be_used(hostile):
+def test_the_ros_bridge_forwards_no_picture_that_cannot_be_used(hostile: Hostile) -> None:
     endpoint = free_endpoint()
     with (
         open_session([endpoint], []) as source,
         Bridge(source, "khepera") as bridge,
         open_session([], [endpoint]) as watcher,
     ):
-        forwarded = SimpleQueue()
+        forwarded: SimpleQueue[zenoh.Sample] = SimpleQueue()
         watcher.declare_subscriber("0/khepera/image/**", forwarded.put)
         wait_until_watched(source, "0/khepera/image/compressed/*/*")
         bad = [*BOMBS.values(), *(whole[:-3] for whole in WHOLE.values())]

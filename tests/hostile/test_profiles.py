@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from damage import damaged
+from hostile_inputs import Hostile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from khepera_protocol.mirror import Mirror
@@ -21,12 +22,12 @@ PROFILE = RobotProfile(Mirror(), Wheels(8.1e-5, 7.9e-5, 0.0541), {"wheels": "a s
 
 
 @pytest.fixture
-def path(tmp_path):
+def path(tmp_path: Path) -> Path:
     save_profile(tmp_path / "robot.json", PROFILE)
     return tmp_path / "robot.json"
 
 
-def refused_or_good(path, data):
+def refused_or_good(path: Path, data: bytes) -> None:
     path.write_bytes(data)
     try:
         profile = load_profile(path)
@@ -44,32 +45,32 @@ def refused_or_good(path, data):
         assert profile.mirror is None or profile.mirror.inner < profile.mirror.outer
 
 
-def one_sentence(error, path):
+def one_sentence(error: ProfileError, path: Path) -> None:
     assert str(path) in str(error)
     assert str(error).isprintable()
     assert len(str(error)) < 1000
 
 
-def test_damaged_copies_of_a_profile(hostile, path):
+def test_damaged_copies_of_a_profile(hostile: Hostile, path: Path) -> None:
     whole = path.read_bytes()
 
     @settings(max_examples=hostile.examples(200))
     @given(damaged(whole))
-    def check(data):
+    def check(data: bytes) -> None:
         hostile.count("profiles")
         refused_or_good(path, data)
 
     check()
 
 
-def test_profiles_with_odd_numbers(hostile, path):
+def test_profiles_with_odd_numbers(hostile: Hostile, path: Path) -> None:
     whole = json.loads(path.read_bytes())
     places = [(part, name) for part in ("wheels", "mirror") for name in whole[part]]
     odd = st.one_of(st.floats(), st.integers(), st.text(max_size=4), st.none(), st.booleans())
 
     @settings(max_examples=hostile.examples(200))
     @given(st.sampled_from(places), odd)
-    def check(place, value):
+    def check(place: tuple[str, str], value: bool | float | str | None) -> None:
         hostile.count("profiles")
         part, name = place
         changed = {**whole, part: {**whole[part], name: value}}
@@ -82,7 +83,9 @@ def test_profiles_with_odd_numbers(hostile, path):
     "value", [NAN, INF, -INF, 0.0, -8e-5, 1e-300, 1e300, PULSE / 400, PULSE * 3]
 )
 @pytest.mark.parametrize("name", ["left", "right", "base"])
-def test_wheels_that_no_robot_has_are_neither_read_nor_written(path, name, value):
+def test_wheels_that_no_robot_has_are_neither_read_nor_written(
+    path: Path, name: str, value: float
+) -> None:
     data = json.loads(path.read_bytes())
     data["wheels"][name] = value
     path.write_text(json.dumps(data))
@@ -107,7 +110,9 @@ def test_wheels_that_no_robot_has_are_neither_read_nor_written(path, name, value
         ({"size": 3}, "mirror.size: Unexpected"),
     ],
 )
-def test_mirrors_that_no_camera_has_are_not_read(path, change, says):
+def test_mirrors_that_no_camera_has_are_not_read(
+    path: Path, change: dict[str, float], says: str
+) -> None:
     data = json.loads(path.read_bytes())
     data["mirror"].update(change)
     path.write_text(json.dumps(data))
@@ -129,26 +134,26 @@ def test_mirrors_that_no_camera_has_are_not_read(path, change, says):
         "",
     ],
 )
-def test_other_texts_are_refused_in_one_sentence(path, text):
+def test_other_texts_are_refused_in_one_sentence(path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(ProfileError) as refused:
         load_profile(path)
     one_sentence(refused.value, path)
 
 
-def test_what_is_no_regular_file_is_not_waited_for(tmp_path):
+def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for odd in (tmp_path / "pipe", tmp_path, Path("/dev/zero")):
         with pytest.raises(ProfileError, match=r"not a regular file|Is a directory"):
             load_profile(odd)
 
 
-def test_a_profile_that_can_be_written_can_be_read(hostile, path):
+def test_a_profile_that_can_be_written_can_be_read(hostile: Hostile, path: Path) -> None:
     factors = st.floats(0.5, 2.0)
 
     @settings(max_examples=hostile.examples(50))
     @given(factors, factors, factors)
-    def check(left, right, base):
+    def check(left: float, right: float, base: float) -> None:
         hostile.count("profiles")
         wheels = Wheels(PULSE * left, PULSE * right, WHEEL_BASE * base)
         save_profile(path, replace(PROFILE, wheels=wheels))

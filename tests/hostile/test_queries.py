@@ -3,6 +3,7 @@
 import contextlib
 import json
 import select
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -10,12 +11,14 @@ import numpy as np
 import pybullet
 import pytest
 import zenoh
+from as_type import not_none
 from emulator_process import PATIENCE, free_endpoint
+from hostile_inputs import Hostile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from khepera_protocol.zenoh.config import zenoh_config
 from khepera_protocol.zenoh.keys import EMULATOR_KEYS
-from khepera_protocol.zenoh.payloads import Truth
+from khepera_protocol.zenoh.payloads import Reset, Truth
 
 from khepera_emulator.app.side_channel import SideChannel
 from khepera_emulator.arenas.arena import load_arena
@@ -29,10 +32,10 @@ LEAVES = [key.leaf for key in EMULATOR_KEYS if key.leaf != "alive"]
 class Bench:
     """An emulator whose queries are answered in the test's own thread."""
 
-    def __init__(self, channel, session, emulator):
+    def __init__(self, channel: SideChannel, session: zenoh.Session, emulator: Emulator) -> None:
         self.channel, self.session, self.emulator = channel, session, emulator
 
-    def ask(self, key, payload=None):
+    def ask(self, key: str, payload: bytes | str | None = None) -> list[zenoh.Reply]:
         """All replies to a query that reaches one of the keys."""
         replies = self.session.get(key, payload=payload, timeout=PATIENCE)
         with ThreadPoolExecutor(1) as other:
@@ -42,21 +45,21 @@ class Bench:
                 self.channel.serve(self.emulator)
         return told.result()
 
-    def reply(self, leaf, payload=None):
+    def reply(self, leaf: str, payload: bytes | str | None = None) -> zenoh.Reply:
         (reply,) = self.ask(f"khepera/khepera/{leaf}", payload)
         return reply
 
-    def refusal(self, leaf, payload=None):
+    def refusal(self, leaf: str, payload: bytes | str | None = None) -> str:
         reply = self.reply(leaf, payload)
         assert reply.ok is None
-        return reply.err.payload.to_string()
+        return not_none(reply.err).payload.to_string()
 
-    def truth(self):
-        return Truth.model_validate_json(self.reply("truth").ok.payload.to_bytes())
+    def truth(self) -> Truth:
+        return Truth.model_validate_json(not_none(self.reply("truth").ok).payload.to_bytes())
 
 
 @pytest.fixture(scope="module")
-def bench():
+def bench() -> Iterator[Bench]:
     place = free_endpoint()
     emulator = Emulator(Setup(load_arena("corridor"), baud=None))
     config = zenoh.Config.from_json5(zenoh_config([], [place]))
@@ -82,9 +85,13 @@ BREAKS = [
 
 @pytest.mark.parametrize("error", BREAKS, ids=lambda error: type(error).__name__)
 def test_whatever_fails_while_a_query_is_answered_is_the_answer(
-    bench, monkeypatch, caplog, hostile, error
-):
-    def fail(*_):
+    bench: Bench,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    hostile: Hostile,
+    error: OverflowError | ZeroDivisionError,
+) -> None:
+    def fail(*_: Reset) -> None:
         raise error
 
     methods = {"camera": "mirror_image", "truth": "truth", "reset": "reset", "arena": "outline"}
@@ -103,7 +110,9 @@ def test_whatever_fails_while_a_query_is_answered_is_the_answer(
     assert bench.truth().pose.x == pytest.approx(load_arena("corridor").start.x)
 
 
-def test_a_sample_that_fails_is_told_once_and_the_others_go_on(bench, monkeypatch, caplog):
+def test_a_sample_that_fails_is_told_once_and_the_others_go_on(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(bench.emulator, "mirror_image", lambda: 1 / 0)
         truths = bench.session.declare_subscriber("khepera/khepera/truth")
@@ -122,7 +131,9 @@ def test_a_sample_that_fails_is_told_once_and_the_others_go_on(bench, monkeypatc
     assert pictures.recv() is not None
 
 
-def test_a_reset_that_fails_leaves_the_robot_as_it_was(bench, monkeypatch):
+def test_a_reset_that_fails_leaves_the_robot_as_it_was(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = bench.truth()
     with monkeypatch.context() as patch:
         patch.setattr("khepera_emulator.robot.fleet.World", lambda *_, **__: 1 / 0)
@@ -155,7 +166,7 @@ PICTURES = st.fixed_dictionaries(
 )
 
 
-def test_every_payload_is_answered(bench, hostile):
+def test_every_payload_is_answered(bench: Bench, hostile: Hostile) -> None:
     payloads = (
         st.binary(max_size=200)
         | st.sampled_from([b"{" * 9_000, b"[" * 9_000, b" " * 20_000, b'{"seed": ' + b"9" * 9_000])
@@ -167,16 +178,16 @@ def test_every_payload_is_answered(bench, hostile):
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
     )
     @given(st.sampled_from(LEAVES), payloads)
-    def answered(leaf, payload):
+    def answered(leaf: str, payload: bytes | str | None) -> None:
         hostile.count("queries: payloads")
         reply = bench.reply(leaf, payload)
         if reply.ok is None:
-            reason = reply.err.payload.to_string()
+            reason = not_none(reply.err).payload.to_string()
             assert reason.isprintable()
             assert "failed" not in reason
         # where it is, it can see, and be put back
         with contextlib.suppress(AttributeError):
-            image = np.frombuffer(bench.reply("camera").ok.payload.to_bytes(), np.uint8)
+            image = np.frombuffer(not_none(bench.reply("camera").ok).payload.to_bytes(), np.uint8)
             assert cv2.imdecode(image, cv2.IMREAD_COLOR) is not None
         assert bench.truth().pose.x == pytest.approx(0.5, abs=0.65)
 
@@ -188,7 +199,9 @@ def test_every_payload_is_answered(bench, hostile):
     ["**", "khepera/**", "khepera/*/*", "*/khepera/*", "khepera/khepera/*", "khepera/*/reset"],
 )
 @pytest.mark.parametrize("payload", [None, b"", b"{}", b'{"random": true}', b"\xff"])
-def test_a_look_around_changes_nothing(bench, hostile, selector, payload):
+def test_a_look_around_changes_nothing(
+    bench: Bench, hostile: Hostile, selector: str, payload: bytes | None
+) -> None:
     hostile.count("queries: looks around")
     bench.reply("reset", '{"pose": {"x": 0.3, "y": 0.0, "heading": 1.0}}')
     bench.emulator.write(b"G,7,8\n")

@@ -2,19 +2,25 @@
 
 import json
 from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
+from as_type import as_type
+from hostile_inputs import Hostile
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn
 from typer.testing import CliRunner
 
 import khepera_emulator  # noqa: F401 - registers khepera://
-from khepera_emulator.app.cli import app
+from khepera_emulator.app.cli.commands import app
 from khepera_emulator.app.replay import Difference, replay
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.coding import LineFormat
-from khepera_emulator.line.wire_log import WireLog, read_log
+from khepera_emulator.line.wire_log import Recording, WireLog, read_log
+from khepera_emulator.ports.protocol_khepera import Serial
 
 URL = "khepera://open-box?seed=3&baud=unpaced"
 REQUESTS = (b"B\n", b"D,5,3\n", b"N\n", b"H\n", b"\xff\x00\n", b"D,0,0\n", b"K\n", b"memory\n")
@@ -44,12 +50,12 @@ NASTY = [
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, Recording]:
     """A log of two clients, as it was written, and what it says."""
     path = tmp_path_factory.mktemp("log") / "wire.jsonl"
     with (
         WireLog(path, URL) as log,
-        serial.serial_for_url(URL, timeout=0.2) as port,
+        as_type(Serial, serial.serial_for_url(URL, timeout=0.2)) as port,
     ):
         for rate in (9600, 38400):
             log.line(port.now, LineFormat(rate))
@@ -65,14 +71,14 @@ def whole(tmp_path_factory):
 
 
 @st.composite
-def damages(draw, length):
+def damages(draw: DrawFn, length: int) -> tuple[list[tuple[tuple[int, int], bytes]], bool]:
     """Damage of a log: places, how many bytes go, what comes instead."""
     places = st.tuples(st.integers(0, length), st.integers(0, 40))
     new = st.sampled_from(NASTY) | st.binary(max_size=8)
     return draw(st.lists(st.tuples(places, new), min_size=1, max_size=3)), draw(st.booleans())
 
 
-def read_or_refused(path):
+def read_or_refused(path: Path) -> Recording | str:
     """A log, or the sentence in which it is refused."""
     try:
         return read_log(path)
@@ -80,7 +86,9 @@ def read_or_refused(path):
         return str(error)
 
 
-def test_damaged_logs_are_read_and_replayed_up_to_the_damage(hostile, tmp_path, whole):
+def test_damaged_logs_are_read_and_replayed_up_to_the_damage(
+    hostile: Hostile, tmp_path: Path, whole: tuple[bytes, Recording]
+) -> None:
     path = tmp_path / "wire.jsonl"
     data, log = whole
 
@@ -89,7 +97,7 @@ def test_damaged_logs_are_read_and_replayed_up_to_the_damage(hostile, tmp_path, 
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
     )
     @given(damages(len(data)))
-    def read(damage):
+    def read(damage: Any) -> None:
         hostile.count("wire logs: damaged files")
         changes, cut = damage
         bad = data
@@ -120,10 +128,12 @@ def test_damaged_logs_are_read_and_replayed_up_to_the_damage(hostile, tmp_path, 
 SCHEMES = ["", "khepera", "KHEPERA", "spy", "loop", "socket", "alt", "rfc2217", "hwgrep", "cp2110"]
 
 
-def test_a_log_opens_emulated_robots_alone(hostile, tmp_path, monkeypatch):
+def test_a_log_opens_emulated_robots_alone(
+    hostile: Hostile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     opened = []
 
-    def open_robot(url, **_):
+    def open_robot(url: str, **_: Any) -> None:
         opened.append(url)
         raise ValueError("enough")
 
@@ -135,7 +145,7 @@ def test_a_log_opens_emulated_robots_alone(hostile, tmp_path, monkeypatch):
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
     )
     @given(st.sampled_from(SCHEMES), st.sampled_from(["", ":", "/", "://", "://spy://"]), st.text())
-    def refused_or_a_robot(scheme, between, rest):
+    def refused_or_a_robot(scheme: str, between: str, rest: str) -> None:
         hostile.count("wire logs: URLs")
         opened.clear()
         url = f"{scheme}{between}{rest}"

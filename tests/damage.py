@@ -6,7 +6,7 @@ KINDS = ["flip", "set", "cut", "insert", "swap", "blank", "full", "double"]
 
 
 @st.composite
-def damaged(draw, whole):
+def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
     """A copy that was cut off, or has bits flipped, parts swapped, doubled, blanked or put in."""
     data = bytearray(whole)
     for _ in range(draw(st.integers(1, 3))):
