@@ -429,3 +429,19 @@ def test_the_statuses_are_documented() -> None:
     documented = re.findall(r"^\| (\d+) \|", page, re.MULTILINE)
     assert documented == [str(int(status)) for status in Status]
     assert re.findall(r"\b\d+\b", SUMMARY) == documented
+
+
+def test_an_interrupt_that_hit_the_making_of_code_does_not_end_the_process_by_it(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "program.py").write_text(
+        "import sys\n"
+        "from khepera_protocol.startup import ignore_signals\n"
+        "try:\n"
+        "    exec('raise KeyboardInterrupt')  # as dataclasses make their methods\n"
+        "except KeyboardInterrupt:\n"
+        "    ignore_signals()\n"
+        "sys.exit(0)\n"
+    )
+    command = [sys.executable, "-m", "program"]
+    assert subprocess.run(command, cwd=tmp_path, timeout=PATIENCE, check=False).returncode == 0

@@ -46,9 +46,14 @@ def signals_to_take() -> list[signal.Signals]:
 
 
 def ignore_signals() -> None:
-    """Ignore all signals while the program ends."""
+    """Ignore all signals while the program ends, so that its exit status is the one it gives.
+
+    CPython remembers a KeyboardInterrupt that left an `exec` of text, as a library's may when it is
+    imported, and a `python -m` then ends by SIGINT though it was handled; another `exec` forgets it.
+    """
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+    exec("")
 
 
 def open_standard_files() -> None:
