@@ -49,7 +49,7 @@ def ignore_signals() -> None:
     """Ignore all signals while the program ends, so that its exit status is the one it gives.
 
     CPython remembers a KeyboardInterrupt that left an `exec` of text, as a library's may when it is
-    imported, and a `python -m` then ends by SIGINT though it was handled; another `exec` forgets it.
+    imported, and `python -m` then ends by SIGINT though it was handled; another `exec` forgets it.
     """
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
