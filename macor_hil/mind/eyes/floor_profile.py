@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from khepera_protocol.mirror import Mirror
 
-from macor_hil.arrays import Array, Image
+from macor_hil.arrays import Array, Image, Levels
 
 FARTHEST: Final = 25.0
 """Heights of the camera beyond which all distances count as this one."""
@@ -44,9 +44,11 @@ def floor_profile(panorama: Image, mirror: Mirror, contrast: float) -> Array:
         contrast: grey levels by which a channel differs from the floor's at least.
     """
     rows = len(panorama)
-    colours = panorama.astype(np.float32)
-    apart = colours - np.median(colours[-_LOWEST:].reshape(-1, 3), axis=0)
-    differs = np.abs(apart).max(axis=2) > contrast
+    apart: Levels = panorama.astype(np.float32)
+    apart -= _median(apart[-_LOWEST:].reshape(-1, 3))
+    # a reduction over an axis of three is slow
+    blue, green, red = np.moveaxis(np.abs(apart), 2, 0)
+    differs = np.maximum(np.maximum(blue, green), red) > contrast
     ends = differs.copy()
     ends[1:] &= differs[:-1]
     ends[0] = False
@@ -58,7 +60,7 @@ def floor_profile(panorama: Image, mirror: Mirror, contrast: float) -> Array:
     return profile
 
 
-def _within_row(apart: Array, row: Array) -> Array:
+def _within_row(apart: Levels, row: Array) -> Array:
     """Return the place of an edge near a row of each column, as a fraction of rows from the top.
 
     Args:
@@ -68,10 +70,18 @@ def _within_row(apart: Array, row: Array) -> Array:
     rows, columns, _ = apart.shape
     column = np.arange(columns)
     solid = apart[np.maximum(row - 2, 0), column]
-    size = np.maximum((solid * solid).sum(axis=1), 1.0)
-    edge = row - 1.0
-    for at in (row - 1, row, row + 1, row + 2):
-        pixel = apart[np.clip(at, 0, rows - 1), column]
-        share = np.clip((pixel * solid).sum(axis=1) / size, 0.0, 1.0)
-        edge += np.where(at < rows, share, 1.0)
+    size = np.maximum(np.einsum("ij,ij->i", solid, solid), 1.0)
+    at = row + np.arange(-1, 3)[:, np.newaxis]
+    pixel = apart[np.minimum(np.maximum(at, 0), rows - 1), column]
+    share = np.einsum("aij,ij->ai", pixel, solid) / size
+    share = np.where(at < rows, np.minimum(np.maximum(share, 0.0), 1.0), 1.0)
+    edge: Array = row - 1.0 + share.sum(axis=0)
     return edge
+
+
+def _median(values: Levels) -> Levels:
+    """Return the median of each column of an even number of rows, as `np.median` does, faster."""
+    middle = len(values) // 2
+    ordered = np.partition(values, (middle - 1, middle), axis=0)
+    median: Levels = (ordered[middle - 1] + ordered[middle]) / 2
+    return median
