@@ -160,3 +160,10 @@ def test_a_missing_extra_is_named(
     assert extra in PROJECT["optional-dependencies"]
     assert extra in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("program", ["khepera_emulator.app.cli", "macor_hil.cli"])
+def test_a_program_tells_its_version(program: str) -> None:
+    command = [sys.executable, "-m", program, "--version"]
+    said = subprocess.run(command, timeout=PATIENCE, capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == f"{PROJECT['name']} {PROJECT['version']}"

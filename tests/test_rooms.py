@@ -34,6 +34,7 @@ WITH_IO = {
     "khepera_protocol.options": {"pathlib", "typer"},
     "khepera_protocol.registry": {"pathlib", "sys"},
     "khepera_protocol.terminal_link": {"pathlib"},
+    "khepera_protocol.version": {"typer"},
     "macor_hil.mind.map_file": {"io", "os", "pathlib"},
 }
 """The only ones that import them, of the protocol beside its Zenoh folder and of the mind."""

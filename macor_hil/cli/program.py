@@ -9,6 +9,7 @@ from typing import Final
 import typer
 from khepera_protocol.options import OptionError
 from khepera_protocol.text import PrintableFormatter, printable
+from khepera_protocol.version import VersionOption
 
 from macor_hil.cli import driving, learning, measuring, ros, scoring, watching
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
@@ -41,13 +42,17 @@ _ENDED: Final = {"SIGINT": "interrupted", CLOSED_OUTPUT: "nobody reads the stand
 app = typer.Typer(
     help="MACOR: a controller that learns what it sees and plans by anticipation.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     epilog=_EXAMPLES,
 )
 for _part in (learning, scoring, driving, measuring, watching, ros):
     app.add_typer(_part.app)
+
+
+@app.callback()
+def _options(version: VersionOption = False) -> None:
+    """Take the options that stand before a command."""
 
 
 def run() -> int:

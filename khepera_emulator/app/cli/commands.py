@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from khepera_protocol.options import takes
 from khepera_protocol.text import PrintableFormatter, printable
+from khepera_protocol.version import VersionOption
 
 from khepera_emulator.app.cli.arena_command import ArenaOptions, arenas
 from khepera_emulator.app.cli.replay_command import ReplayOptions, replay
@@ -48,8 +49,12 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    add_completion=False,
 )
+
+
+@app.callback()
+def program(version: VersionOption = False) -> None:
+    """Take the options that stand before a command."""
 
 
 class LogLevel(StrEnum):

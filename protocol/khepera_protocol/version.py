@@ -1,0 +1,21 @@
+"""The version of this distribution, and the option that shows it."""
+
+from importlib.metadata import version
+from typing import Annotated, Final
+
+import typer
+
+DISTRIBUTION: Final = "khepera-macor"
+
+
+def _show(asked: bool) -> None:
+    if asked:
+        typer.echo(f"{DISTRIBUTION} {version(DISTRIBUTION)}")
+        raise typer.Exit
+
+
+VersionOption = Annotated[
+    bool,
+    typer.Option("--version", callback=_show, is_eager=True, help="Show the version and exit."),
+]
+"""Option `--version` of a program."""
