@@ -2,9 +2,9 @@
 
 Emulator, controllers, monitor, recorder and dashboard are processes. The robots live five times
 faster than real ones, so that an hour of them takes twelve minutes; the controllers drive in real
-time as they do everywhere. Every run opens a Zenoh session of its own, which is what a watcher sees
-of a controller that is started anew. A browser is taken for one by opening the page's WebSocket.
-What is asked: memory and descriptors of every process stay flat.
+time as they do everywhere. Every run is a process of its own, started when the one before has
+ended. A browser is taken for one by opening the page's WebSocket.
+What is asked: memory and descriptors of every process that stays are flat.
 
 With `--minutes N` the robots live N minutes instead, and as many runs are asked for as fit.
 """
@@ -18,8 +18,10 @@ import sys
 import threading
 import time
 import urllib.request
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -55,6 +57,9 @@ _MEMORY: Final = 8.0
 _DESCRIPTORS: Final = 10
 """Descriptors likewise: sessions of controllers that are open, and some that just close."""
 
+_TOLD: Final = 8
+"""Ways in which runs ended that are told."""
+
 _HERE: Final = Path(__file__).parent
 
 
@@ -77,19 +82,17 @@ class Soak:
         self._benches = [ZenohBench(session, f"khepera-{k}") for k in range(1, _ROBOTS + 1)]
         trained = train_shortly(folder / "map.npz")
         endpoints = [free_endpoint() for _ in range(_ROBOTS)]
-        self._controllers = [
-            self._controller(folder, k, trained, endpoint)
+        self._start = [
+            partial(self._controller, folder, k, trained, endpoint)
             for k, endpoint in enumerate(endpoints, start=1)
         ]
-        for controller in self._controllers:
-            stack.callback(controller.close)
-        self._seen = [0] * _ROBOTS
+        self._controllers = [start() for start in self._start]
+        stack.callback(self._close)
+        self.decisions = 0
         self.runs = 0
+        self.ends: Counter[str] = Counter()
         connect = [part for each in (self._endpoint, *endpoints) for part in ("--connect", each)]
         self.pids = {"emulator": emulator.process.pid}
-        self.pids |= {
-            f"controller {k}": each.process.pid for k, each in enumerate(self._controllers, start=1)
-        }
         for name, command in (
             ("monitor", ["monitor", "--robot", "khepera-1"]),
             ("recorder", ["record", str(folder / "drive.mcap"), "--robot", "khepera-2"]),
@@ -109,7 +112,6 @@ class Soak:
             "robot": f"khepera-{k}",
             "listen": [endpoint],
             "connect": [self._endpoint],
-            "forever": True,
         }
         script = _HERE.parent / "tests" / "controller_process.py"
         return Controller([sys.executable, str(script), json.dumps(values)])
@@ -121,23 +123,27 @@ class Soak:
                 return self._benches[0].truth().time
 
     def attend(self) -> None:
-        """Count the runs that have ended, and put robots that collided somewhere else."""
+        """Count the runs that have ended, put robots that collided somewhere else, start others."""
         for k, controller in enumerate(self._controllers):
-            lines = [line for line in controller.lines[self._seen[k] :] if line is not None]
-            self._seen[k] += len(lines)
-            ends = [line for line in lines if line != "step"]
-            self.runs += len(ends)
-            if any(not line.startswith("all commands") for line in ends):
+            if controller.process.poll() is None:
+                continue
+            how = controller.end()
+            controller.close()
+            self.runs += 1
+            self.decisions += controller.steps()
+            # a number in it says which robot, not what happened
+            self.ends[re.sub(r"\d+", "N", how)] += 1
+            if not how.startswith("all commands"):
                 with suppress(BenchError):  # no free place just now; the next run will tell
                     self._benches[k].reset(Reset(random=True))
+            self._controllers[k] = self._start[k]()
         for name, pid in self.pids.items():
             if not Path(f"/proc/{pid}/fd").exists() or use_of(pid).memory == 0.0:
                 raise SystemExit(f"{name} ended")
 
-    @property
-    def decisions(self) -> int:
-        """Commands driven by all robots."""
-        return sum(controller.steps() for controller in self._controllers)
+    def _close(self) -> None:
+        for controller in self._controllers:
+            controller.close()
 
 
 @contextmanager
@@ -214,7 +220,12 @@ def _text(soak: Soak, lived: float, uses: dict[str, list[Use]]) -> str:
     return (
         f"{lived / 60:.0f} minutes of {_ROBOTS} robots, {soak.runs} runs, {soak.decisions}"
         f" decisions.\n\n{table(head, rows)}"
+        f"\n\nRuns ended:\n\n{table(('how', 'runs'), _ways(soak.ends))}"
     )
+
+
+def _ways(ends: Counter[str]) -> list[tuple[str, str]]:
+    return [(how, str(runs)) for how, runs in ends.most_common(_TOLD)]
 
 
 def _ends(uses: list[Use]) -> tuple[list[Use], list[Use]]:
