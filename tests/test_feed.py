@@ -43,9 +43,14 @@ def followed() -> Iterator[tuple[Feed, zenoh.Session]]:
         yield feed, other
 
 
+NOTHING_DROPPED = zenoh.CongestionControl.BLOCK
+"""A sample as large as these is dropped where a busy machine takes it too slowly."""
+
+
 def until_state(feed: Feed, other: zenoh.Session) -> list[Arrival | Presence | Refusal | Loss]:
     """All that is heard before a good state, which comes last."""
-    other.put(STATE, TEXT, attachment=Stamp(sequence=0, time=1.0).model_dump_json())
+    stamp = Stamp(sequence=0, time=1.0).model_dump_json()
+    other.put(STATE, TEXT, attachment=stamp, congestion_control=NOTHING_DROPPED)
     heard: list[Arrival | Presence | Refusal | Loss] = []
     while not (isinstance(event := feed.get(PATIENCE), Arrival) and event.leaf == "state"):
         assert event is not None
@@ -98,7 +103,7 @@ def test_samples_out_of_bounds_are_refused_with_a_reason(
     sample: dict[str, Any], reason: str
 ) -> None:
     with followed() as (feed, other):
-        other.put(STATE, **sample)
+        other.put(STATE, **sample, congestion_control=NOTHING_DROPPED)
         (refusal,) = until_state(feed, other)
     assert isinstance(refusal, Refusal)
     assert reason in refusal.reason
