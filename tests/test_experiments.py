@@ -23,7 +23,7 @@ from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
 from macor_hil.experiments.drives import training_drive as recording_module
-from macor_hil.experiments.drives.course import Course, relearn
+from macor_hil.experiments.drives.course import Course
 from macor_hil.experiments.drives.training_drive import (
     PUT_DOWN,
     Drive,
@@ -126,7 +126,7 @@ def test_learning_from_a_recording_gives_the_map_of_a_live_training(recording: R
     as_type(GradedMemory, again.memories["graded"]).situations = as_type(
         GradedMemory, live.memories["graded"]
     ).situations
-    relearn(again, recording)
+    again.relive(recording.seen())
     assert (
         as_type(FuzzyArt, again.clusterer).weights == as_type(FuzzyArt, live.clusterer).weights
     ).all()

@@ -14,7 +14,7 @@ from planning import moment
 from macor_hil.errors import MacorError
 from macor_hil.experiments import peers
 from macor_hil.experiments.catalogue import EXPERIMENTS, find
-from macor_hil.experiments.drives.course import Course, relearn
+from macor_hil.experiments.drives.course import Course
 from macor_hil.experiments.drives.falcon import MEMORY, Falcon, FalconPlanner, Parameters
 from macor_hil.experiments.drives.training_drive import PUT_DOWN, Drive, Recording, Recordings
 from macor_hil.experiments.peers import FALCON, PEERS
@@ -71,7 +71,7 @@ class Network:
 
 
 def learned(falcon: Falcon, recording: Recording) -> Falcon:
-    relearn(replace(recording.brain, memories={MEMORY: falcon}), recording)
+    replace(recording.brain, memories={MEMORY: falcon}).relive(recording.seen())
     assert falcon.nodes  # all episodes have ended
     return falcon
 

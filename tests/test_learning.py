@@ -28,7 +28,8 @@ from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.memories.graded import GradedMemory
 from macor_hil.mind.memories.transitions import SensorimotorMap
-from macor_hil.runs.agent import NO_PLAN, Agent, Step
+from macor_hil.mind.planners.planner import NO_PLAN
+from macor_hil.runs.agent import Agent, Step
 from macor_hil.runs.decision_samples import decision_of
 from macor_hil.runs.recorded_drives import learn
 from macor_hil.telemetry.feed import Arrival, Event, Presence

@@ -15,7 +15,6 @@ import numpy as np
 from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
-from macor_hil.commands import COMMANDS
 from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
 from macor_hil.experiments.drives.course import (
     Course,
@@ -43,7 +42,7 @@ from macor_hil.experiments.results.store import Result, Results
 from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Moment
-from macor_hil.mind.planners.planner import Plan
+from macor_hil.mind.planners.planner import NO_PLAN, Plan
 from macor_hil.mind.settings import MindSettings, Part
 from macor_hil.runs.possible import Possible, Shares, compare, share_of
 from macor_hil.runs.trials import Trial
@@ -119,7 +118,7 @@ class Aimless:
 
     def plan(self, _memory: Any, _now: Moment) -> Plan:
         """Evaluate nothing."""
-        return Plan((None,) * len(COMMANDS), None)
+        return NO_PLAN
 
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:

@@ -19,7 +19,6 @@ from macor_hil.experiments.drives.course import (
     Course,
     System,
     on_course,
-    relearn,
     trial_as_json,
     trial_from_json,
 )
@@ -116,7 +115,7 @@ def _steps_to(graded: System, settings: Settings, recording: Recording) -> dict[
         for name, situations in changed.items()
     }
     brain = replace(graded.brain, memories=memories)
-    relearn(brain, recording, situations=False)
+    brain.relive(recording.seen(), situations=False)
     return {name: System(brain, Graded(memory=name)) for name in changed}
 
 

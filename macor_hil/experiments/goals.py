@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.drives.course import Course, System, Track, on_course, relearn
+from macor_hil.experiments.drives.course import Course, System, Track, on_course
 from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
     EXPECTED,
@@ -122,7 +122,7 @@ def _relearn(
 ) -> None:
     """Let one memory learn the first frames under the new goal; situations stay."""
     learner = replace(brain, memories={name: memory}, reinforcement=settings.goal)
-    relearn(learner, recording, situations=False, frames=frames)
+    learner.relive(recording.seen(frames), situations=False)
 
 
 def commands_needed(settings: Settings, result: Result, name: str) -> int | None:

@@ -19,7 +19,6 @@ from macor_hil.experiments.drives.course import (
     Course,
     System,
     on_course,
-    relearn,
     trial_as_json,
 )
 from macor_hil.experiments.drives.falcon import MEMORY, PEER, Falcon, FalconPlanner, Parameters
@@ -106,7 +105,7 @@ def _learned(falcon: Falcon, recording: Recording, settings: Settings) -> System
     brain = replace(
         recording.brain, memories={MEMORY: falcon}, reinforcement=settings.reinforcement
     )
-    relearn(brain, recording, situations=False)
+    brain.relive(recording.seen(), situations=False)
     return System(brain, FalconPlanner())
 
 

@@ -3,15 +3,15 @@
 No port, camera, file or clock: a picture goes in and a moment comes out; experiences go in.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from macor_hil.arrays import Array, Image
-from macor_hil.commands import COMMANDS
+from macor_hil.commands import COMMANDS, FIRST_COMMAND
 from macor_hil.mind.clusterers.clusterer import Clusterer
-from macor_hil.mind.experience import Experience, Moment
+from macor_hil.mind.experience import Experience, Moment, Seen
 from macor_hil.mind.eyes.eyes import Eyes, FloorSeeing
 from macor_hil.mind.memories.memory import Memory
 from macor_hil.mind.memories.transitions import SensorimotorMap
@@ -70,6 +70,24 @@ class Brain:
         """Let every memory learn from an experience."""
         for memory in self.memories.values():
             memory.learn(experience)
+
+    def relive(self, drive: Iterable[Seen], *, situations: bool = True) -> None:
+        """Learn from a drive that was seen before, as if it happened now.
+
+        Args:
+            drive: what was seen, in its order.
+            situations: whether the clusterer learns, too.
+        """
+        before: Moment | None = None
+        for seen in drive:
+            command = FIRST_COMMAND if seen.command is None else seen.command
+            after = self.perceive(seen.raw, command, learn=situations)
+            if before is not None and seen.command is not None:
+                r = seen.reinforcement
+                if r is None:
+                    r = self.earned(command, collided=seen.collided)
+                self.learn(Experience(before, command, after, r, seen.collided))
+            before = after
 
     def tune(self, seen: Array, rng: np.random.Generator) -> None:
         """Fit eyes and memories to a first drive.

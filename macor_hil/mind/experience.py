@@ -46,6 +46,23 @@ class Moment:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Untuned features as they came, and what led to them: all that a drive leaves to learn from.
+
+    Attributes:
+        raw: untuned features, shape (R,).
+        command: index of the command that was driven, or None where a drive begins.
+        collided: whether it ended in a collision.
+        reinforcement: what it earned, where that is known; None: what commands earn now.
+    """
+
+    raw: Array
+    command: int | None = None
+    collided: bool = False
+    reinforcement: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Experience:
     """A command and what it led to.
 

@@ -3,13 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from macor_hil.arrays import Array
 from macor_hil.commands import COMMANDS, FIRST_COMMAND
 from macor_hil.hardware.cameras import Camera, Frame
 from macor_hil.hardware.driver import Driver, Outcome
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import memory_for
-from macor_hil.mind.experience import Experience, Moment
+from macor_hil.mind.experience import Experience, Moment, Seen
 from macor_hil.mind.planners.planner import Plan, Planner
 
 
@@ -49,23 +48,6 @@ class Step:
 
 Choice = Callable[[View], tuple[int, Plan]]
 """A way of choosing a command: its index, and the plan behind it."""
-
-NO_PLAN = Plan((None,) * len(COMMANDS), None)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Seen:
-    """Features as they came, and what led to them; for those who record a drive.
-
-    Attributes:
-        raw: untuned features, shape (R,).
-        command: index of the command that was driven, or None where a drive begins.
-        collided: whether it ended in a collision.
-    """
-
-    raw: Array
-    command: int | None = None
-    collided: bool = False
 
 
 class Agent:

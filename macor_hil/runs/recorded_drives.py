@@ -16,11 +16,11 @@ from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.keys import CONTROLLER, DECISION, FRAME
 
 from macor_hil.arrays import Array, Image
-from macor_hil.commands import COMMANDS, FIRST_COMMAND
+from macor_hil.commands import COMMANDS
 from macor_hil.errors import CameraError, RecordingError, WrongPictureError
 from macor_hil.hardware.cameras.decoding import decode_picture
 from macor_hil.mind.brain import Brain
-from macor_hil.mind.experience import Experience, Moment
+from macor_hil.mind.experience import Seen
 from macor_hil.mind.stored import MOST_EARNED
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 
@@ -33,22 +33,6 @@ _TICK: Final = 1e-6
 
 _OUT_OF_ORDER: Final = 16
 """By how much numbers step back within a run at most; a run that begins counts from 0 again."""
-
-
-class RecordedView(NamedTuple):
-    """A view and what led to it.
-
-    Attributes:
-        raw: untuned features of the frame.
-        command: index of the command that led to it; None where a drive began.
-        reinforcement: what that command earned.
-        collided: whether it ended in a collision.
-    """
-
-    raw: Array
-    command: int | None
-    reinforcement: float
-    collided: bool
 
 
 class _Driven(NamedTuple):
@@ -119,19 +103,8 @@ def learn(brain: Brain, recordings: Iterable[Iterable[Event]], rng: np.random.Ge
         raise RecordingError("there is no decision with the frames before and after it")
     brain.tune(np.array([moment.raw for drive in drives for moment in drive]), rng)
     for drive in drives:
-        _take_in(brain, drive)
+        brain.relive(drive)
     return driven
-
-
-def _take_in(brain: Brain, drive: Iterable[RecordedView]) -> None:
-    before: Moment | None = None
-    for moment in drive:
-        command = FIRST_COMMAND if moment.command is None else moment.command
-        after = brain.perceive(moment.raw, command, learn=True)
-        if before is not None and moment.command is not None:
-            r, collided = moment.reinforcement, moment.collided
-            brain.learn(Experience(before, command, after, r, collided))
-        before = after
 
 
 def _runs(brain: Brain, events: Iterable[Event], left_out: Counter[str]) -> list[_Run]:
@@ -201,7 +174,7 @@ def _decoded(data: bytes) -> Image | None:
         return None
 
 
-def _moments(run: _Run, left_out: Counter[str]) -> Iterator[RecordedView]:
+def _moments(run: _Run, left_out: Counter[str]) -> Iterator[Seen]:
     """Return frames in the order in which they were seen, with the decision between each two."""
     last: int | None = None
     for _, driven in sorted(run.decisions.items()):
@@ -214,6 +187,6 @@ def _moments(run: _Run, left_out: Counter[str]) -> Iterator[RecordedView]:
             left_out["decisions without the frame after them"] += 1
             continue
         if number != last:
-            yield RecordedView(run.frames[number], None, 0.0, False)
-        yield RecordedView(after, driven.command, driven.reinforcement, driven.collided)
+            yield Seen(run.frames[number])
+        yield Seen(after, driven.command, driven.collided, driven.reinforcement)
         last = number + 1

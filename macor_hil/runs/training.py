@@ -28,9 +28,11 @@ from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.experience import Seen
+from macor_hil.mind.planners.planner import NO_PLAN
 from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.agent import NO_PLAN, Agent, Choice, Seen, View
+from macor_hil.runs.agent import Agent, Choice, View
 from macor_hil.runs.recovery import TrainingRecovery
 
 _STUCK: Final = 8

@@ -9,15 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from khepera_protocol.zenoh.payloads import Outline, Pose, Reset
 
-from macor_hil.commands import FIRST_COMMAND
 from macor_hil.errors import BenchError
-from macor_hil.experiments.drives.training_drive import PUT_DOWN, Recording
 from macor_hil.hardware.bench import Bench
 from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS, LitCamera
 from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain
-from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.planners.planner import Planner
 from macor_hil.runs.agent import Agent
 from macor_hil.runs.possible import Possible, judge
@@ -29,29 +26,6 @@ class System(NamedTuple):
 
     brain: Brain
     planner: Planner
-
-
-def relearn(
-    brain: Brain, recording: Recording, *, situations: bool = True, frames: int | None = None
-) -> None:
-    """Learn a recorded drive, command by command, as a live training does.
-
-    Args:
-        brain: learns; its eyes are those of the recording.
-        recording: frames, commands and collisions.
-        situations: whether the clusterer learns, too.
-        frames: how many of the first frames count; None: all.
-    """
-    before: Moment | None = None
-    commands, collisions = recording.commands.tolist(), recording.collided.tolist()
-    for raw, driven, collided in zip(recording.raw[:frames], commands, collisions, strict=False):
-        put_down = driven == PUT_DOWN
-        command = FIRST_COMMAND if put_down else driven
-        after = brain.perceive(raw, command, learn=situations)
-        if before is not None and not put_down:
-            r = brain.earned(command, collided=collided)
-            brain.learn(Experience(before, command, after, r, collided))
-        before = after
 
 
 @dataclass(frozen=True)

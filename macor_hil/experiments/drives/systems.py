@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from macor_hil.commands import COMMANDS
-from macor_hil.experiments.drives.course import System, relearn
+from macor_hil.experiments.drives.course import System
 from macor_hil.experiments.drives.training_drive import Recording
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
@@ -77,7 +77,7 @@ def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:
     eyes = recording.brain.eyes
     art = FuzzyArt(eyes.size, learning.nodes, learning.vigilance, learning.alpha)
     brain = Brain(eyes, art, memories, learning.reinforcement)
-    relearn(brain, recording)
+    brain.relive(recording.seen())
     return {name: System(brain, make()) for name, make in _PLANNERS.items()}
 
 
@@ -91,7 +91,7 @@ def learn_foresight(brain: Brain, recording: Recording) -> System:
     assert isinstance(brain.eyes, FloorSeeing)
     memory = ForesightMemory(brain.eyes.directions)
     foreseeing = replace(brain, memories={FORESIGHT: memory})
-    relearn(foreseeing, recording, situations=False)
+    foreseeing.relive(recording.seen(), situations=False)
     return System(foreseeing, Foresight())
 
 

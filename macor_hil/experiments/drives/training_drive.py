@@ -9,7 +9,9 @@ sections' drives begin with the same random commands, which are driven once for 
 
 import io
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -26,10 +28,10 @@ from macor_hil.hardware.driver import Driver
 from macor_hil.input_files import MIB, InputError, checked, read_arrays, read_bounded
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain, whereabouts
+from macor_hil.mind.experience import Seen
 from macor_hil.mind.map_file import load_map, save_map, write_atomically
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.mind.settings import MindSettings, Part
-from macor_hil.runs.agent import Seen
 from macor_hil.runs.training import Schedule, Trainer
 
 _log = logging.getLogger(__name__)
@@ -124,6 +126,10 @@ class Recording:
         driven = np.cumsum(self.commands != PUT_DOWN)
         return min(int(np.searchsorted(driven, commands)) + 1, len(driven))
 
+    def seen(self, frames: int | None = None) -> Iterator[Seen]:
+        """Yield the drive's first frames; None: all."""
+        return islice(_seen(self.raw, self.commands, self.collided), frames)
+
     def first(self, commands: int) -> "Recording":
         """Return the beginning of the drive, so many commands long."""
         end = self.frames_of(commands)
@@ -192,6 +198,11 @@ def _joined(beginning: Recording, rest: Recording) -> Recording:
     )
 
 
+def _seen(raw: Array, commands: Indices, collided: Mask) -> Iterator[Seen]:
+    for x, a, hit in zip(raw, commands.tolist(), collided.tolist(), strict=True):
+        yield Seen(x, None if a == PUT_DOWN else a, hit)
+
+
 def _arrays(seen: list[Seen]) -> dict[str, Any]:
     """Features, what led to them, and whether that was a collision."""
     return {
@@ -235,12 +246,9 @@ class _Part:
             raw, commands, collided = read_frames(self._frames, brain.eyes.raw_size)
         except (KeyError, TypeError) as error:
             raise MapError(f"{self._map} is damaged ({error}); take it away") from None
-        seen = [
-            Seen(x, None if a == PUT_DOWN else a, hit)
-            for x, a, hit in zip(raw, commands.tolist(), collided.tolist(), strict=True)
-        ]
         # later ones may be there from a kill in between
-        return brain, seen[:frames], sessions, seconds
+        seen = list(islice(_seen(raw, commands, collided), frames))
+        return brain, seen, sessions, seconds
 
     def remove(self) -> None:
         """Take the files away: the recording is there."""

@@ -18,7 +18,6 @@ from macor_hil.experiments.drives.course import (
     Course,
     System,
     on_course,
-    relearn,
     trial_as_json,
     trial_from_json,
 )
@@ -128,7 +127,7 @@ def _neural_gas(settings: Settings, inputs: Array, seed: int) -> NeuralGas:
 def _system(settings: Settings, recording: Recording, clusterer: Clusterer) -> System:
     memory = SensorimotorMap(settings.nodes, len(COMMANDS), settings.competence)
     brain = Brain(recording.brain.eyes, clusterer, {"transitions": memory}, settings.reinforcement)
-    relearn(brain, recording, situations=False)
+    brain.relive(recording.seen(), situations=False)
     return System(brain, Reactive())
 
 

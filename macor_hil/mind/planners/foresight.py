@@ -27,7 +27,7 @@ from macor_hil.mind.foresight.floor import clearance, solids
 from macor_hil.mind.foresight.skill import Skill
 from macor_hil.mind.foresight.view import CLEARANCES, UNSEEN, bins_of, cells_of, raster
 from macor_hil.mind.memories.foresight import ForesightMemory
-from macor_hil.mind.planners.planner import Plan, best_command
+from macor_hil.mind.planners.planner import NO_PLAN, Plan, best_command
 
 _EXACT: Final = 4
 """First strides, whose clearances are reckoned exactly; those of others come from the raster."""
@@ -77,7 +77,7 @@ class Foresight:
     def plan(self, memory: ForesightMemory, now: Moment) -> Plan:
         """Evaluate the commands; none where nothing was learned, or no floor is seen."""
         if memory.skill is None or now.floor is None:
-            return Plan((None,) * len(COMMANDS), None)
+            return NO_PLAN
         if memory.skill is not self._skill:
             self._prepare(memory.skill)
         evaluations = tuple(self._evaluations(memory.skill, now.floor).tolist())

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
+from macor_hil.commands import COMMANDS
 from macor_hil.mind.experience import Moment
 
 
@@ -40,6 +41,10 @@ class Plan:
     steps: int = 0
     hypotheses: tuple[Hypothesis, ...] = ()
     activities: tuple[float, ...] = ()
+
+
+NO_PLAN: Final = Plan((None,) * len(COMMANDS), None)
+"""Nothing is evaluated, and no command chosen."""
 
 
 class Planner(Protocol):
