@@ -140,19 +140,22 @@ def demo(
             result = run_demo(
                 settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}")
             )
+    pictures = [picture]
     draw_trials(picture, result.outline, result.trials)
-    rows = [(name, settings.arena, trial, picture) for name, trial in result.trials.items()]
+    rows = [(name, settings.arena, trial) for name, trial in result.trials.items()]
     if result.harder is None:
         typer.echo(f"{map_file} is older than the planner for the {HARDER}; take it away to see it")
     else:
         outline, trial = result.harder
-        draw_trials(folder / f"{HARDER}.png", outline, {PLANNER_IN_HARDER: trial})
-        rows.append((PLANNER_IN_HARDER, HARDER, trial, folder / f"{HARDER}.png"))
-    table = Table("planner", "arena", "commands", "reinforcement", "collision", "picture")
-    for name, arena, trial, file in rows:
+        pictures.append(folder / f"{HARDER}.png")
+        draw_trials(pictures[-1], outline, {PLANNER_IN_HARDER: trial})
+        rows.append((PLANNER_IN_HARDER, HARDER, trial))
+    table = Table("planner", "arena", "commands", "reinforcement", "collision")
+    for name, arena, trial in rows:
         end = "yes" if trial.collided else "no"
-        table.add_row(name, arena, str(trial.length), f"{trial.total:.2f}", end, str(file))
+        table.add_row(name, arena, str(trial.length), f"{trial.total:.2f}", end)
     Console().print(table)
+    typer.echo(f"pictures: {', '.join(map(str, pictures))}")
     if not result.as_expected:
         typer.echo("not as expected: the planning robots should get through, the reactive one not")
         raise typer.Exit(Status.NO)
