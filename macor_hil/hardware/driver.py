@@ -66,6 +66,12 @@ FRONT_SENSORS = slice(0, 6)
 Guard = Callable[[], None]
 """Asked again and again while the robot drives; raises when it must not go on."""
 
+_Counts = tuple[int, int]
+
+_Going = Callable[[_Counts, tuple[float, float]], tuple[tuple[int, ...], bool]]
+"""A way of driving from counts by the ways of both wheels, with the last proximity and whether
+that was a collision."""
+
 
 def all_of(*guards: Guard) -> Guard:
     """Return a guard that asks several, in their order."""
@@ -132,18 +138,8 @@ class Driver:
             RobotError: the robot does not answer, or has been reset.
         """
         with standing_on_failure(self._robot, command.way):
-            begin = self._target
-            self._trail.append(begin)
-            ways = self.settings.wheels.counts(command.way, command.turn)
-            self._target = self._target[0] + round(ways[0]), self._target[1] + round(ways[1])
-            proximity, collided = self._go(self._target, ways, watch=True)
-            if collided:
-                self._robot.stop()
-            counters = self._robot.counters()
-            self._check(begin, counters)
-            if collided:
-                self._target = counters
-            return Outcome(collided, proximity, counters)
+            self._trail.append(self._target)
+            return self._driven(command.way, command.turn, self._go_at_once)
 
     def hold(self, left: int, right: int, seconds: float, *, roll_on: bool = False) -> Outcome:
         """Hold wheel speeds for a time, or until a collision; then the robot stands.
@@ -187,17 +183,7 @@ class Driver:
             RobotError: the robot does not answer, or has been reset.
         """
         with standing_on_failure(self._robot, LEASH):
-            begin = self._target
-            ways = self.settings.wheels.counts(way, turn)
-            self._target = begin[0] + round(ways[0]), begin[1] + round(ways[1])
-            proximity, collided = self._go_on_a_leash(begin, ways)
-            if collided:
-                self._robot.stop()
-            counters = self._robot.counters()
-            self._check(begin, counters)
-            if collided:
-                self._target = counters
-            return Outcome(collided, proximity, counters)
+            return self._driven(way, turn, self._go_on_a_leash)
 
     def back_off(self, commands: int) -> None:
         """Drive back along the trail by up to a number of commands.
@@ -226,6 +212,25 @@ class Driver:
             self._go(self._target, ways, watch=False)
             self._robot.stop()
             self._target = self._robot.counters()
+
+    def _driven(self, way: float, turn: float, go: _Going) -> Outcome:
+        """Drive from the target so far to the next one, and check that the robot came there."""
+        begin = self._target
+        ways = self.settings.wheels.counts(way, turn)
+        self._target = begin[0] + round(ways[0]), begin[1] + round(ways[1])
+        proximity, collided = go(begin, ways)
+        if collided:
+            self._robot.stop()
+        counters = self._robot.counters()
+        self._check(begin, counters)
+        if collided:
+            self._target = counters
+        return Outcome(collided, proximity, counters)
+
+    def _go_at_once(
+        self, _begin: _Counts, ways: tuple[float, float]
+    ) -> tuple[tuple[int, ...], bool]:
+        return self._go(self._target, ways, watch=True)
 
     def _go(
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
@@ -259,7 +264,7 @@ class Driver:
                 return proximity, True
 
     def _go_on_a_leash(
-        self, begin: tuple[int, int], ways: tuple[float, float]
+        self, begin: _Counts, ways: tuple[float, float]
     ) -> tuple[tuple[int, ...], bool]:
         settings, robot = self.settings, self._robot
         longest = max(abs(ways[0]), abs(ways[1]), 1.0)
