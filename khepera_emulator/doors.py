@@ -17,8 +17,3 @@ def find_part(registry: Registry, name: str) -> Any:
         return registry.find(name)
     except RegistryError as error:
         raise EmulatorError(str(error)) from None
-
-
-def is_own_code(name: str) -> bool:
-    """Tell whether a name is that of a file or a module, which runs when the part is loaded."""
-    return ":" in name

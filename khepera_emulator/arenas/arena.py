@@ -5,14 +5,13 @@ lie in `khepera_emulator/arenas`; a path to a file of one's own works in every p
 name does. Everything in it has bounds, in size and in number: what passes can be simulated.
 """
 
-from difflib import get_close_matches
 from importlib import resources
 from itertools import pairwise
 from math import hypot
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
-from khepera_protocol.text import MAX_DOCUMENT, DocumentError, parse_toml, printable
+from khepera_protocol.text import MAX_DOCUMENT, DocumentError, did_you_mean, parse_toml, printable
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from khepera_emulator.arenas.mistakes import describe
@@ -225,6 +224,5 @@ def _document(name: str) -> bytes:
 
 
 def _unknown(name: str, names: list[str]) -> str:
-    close = get_close_matches(name, names, 1)
-    hint = f"did you mean {close[0]}? There" if close else "there"
+    hint = did_you_mean(name, names) + "there"
     return f"unknown arena {name!r}: {hint} are {', '.join(names)}; or give the path of a TOML file"

@@ -10,6 +10,7 @@ from typing import Annotated, Final, Self
 from urllib.parse import parse_qsl, quote, unquote, urlencode
 
 from khepera_protocol.options import Cli, from_strings, to_strings
+from khepera_protocol.registry import is_own_code
 from khepera_protocol.text import printable, quoted
 from pydantic import (
     BaseModel,
@@ -22,7 +23,6 @@ from pydantic import (
 
 from khepera_emulator.arenas.arena import MOST_ROBOTS, load_arena
 from khepera_emulator.body.drift import DEFAULT_DRIFT, parse_drift
-from khepera_emulator.doors import is_own_code
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import FAULTS, split_kind
 from khepera_emulator.line.fault_text import parse_faults

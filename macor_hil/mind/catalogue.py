@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable
 from typing import Any, Final
 
-from khepera_protocol.registry import Registry, RegistryError
+from khepera_protocol.registry import Registry, RegistryError, is_own_code
 from khepera_protocol.text import printable
 
 from macor_hil.commands import COMMANDS
@@ -95,7 +95,7 @@ def build_brain(
 def own_code(settings: MindSettings) -> list[str]:
     """List the parts that settings name as `module:Class` or `file.py:Class`."""
     parts = (settings.eyes, settings.clusterer, *settings.memories.values())
-    return [part.use for part in parts if ":" in part.use]
+    return [part.use for part in parts if is_own_code(part.use)]
 
 
 def whereabouts(settings: MindSettings, planners: Iterable[str] = ()) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final
 
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.options import Cli
+from khepera_protocol.registry import is_own_code
 from khepera_protocol.text import printable
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 from pydantic_core import from_json
@@ -164,7 +165,7 @@ def _memory(text: str) -> tuple[str, Part]:
         return name, Part(use)
     if name in _DEFAULT.memories:
         return name, _DEFAULT.memories[name]
-    if equals or ":" in name:
+    if equals or is_own_code(name):
         raise MacorError(
             f"--memory {printable(text, 80)}: give NAME=PART, where NAME is what planners ask for"
         )

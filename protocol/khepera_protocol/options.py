@@ -17,7 +17,6 @@ stands on the command line wins over the environment (PROGRAM_COMMAND_OPTION), t
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar, get_args, get_origin
@@ -26,7 +25,7 @@ import typer
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from khepera_protocol.text import MAX_DOCUMENT, DocumentError, parse_toml, printable
+from khepera_protocol.text import MAX_DOCUMENT, DocumentError, did_you_mean, parse_toml, printable
 from khepera_protocol.validation import problems
 
 
@@ -233,8 +232,7 @@ def _field_of(model: type[BaseModel], name: str) -> str:
 
 def _unknown(name: str, names: Sequence[str]) -> str:
     shown = list(map(_outside, names))
-    close = get_close_matches(name, shown, 1)
-    hint = f"did you mean {close[0]}? " if close else ""
+    hint = did_you_mean(name, shown)
     return f"unknown option {printable(name, 80)!r}; {hint}there are {', '.join(shown)}"
 
 

@@ -8,7 +8,6 @@ import importlib
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
@@ -17,7 +16,7 @@ from types import ModuleType
 from typing import Any
 from zlib import crc32
 
-from khepera_protocol.text import printable
+from khepera_protocol.text import did_you_mean, printable
 
 
 class RegistryError(LookupError):
@@ -50,13 +49,12 @@ class Registry:
         """
         if name in self.builtin:
             return self.builtin[name]
-        if ":" in name:
+        if is_own_code(name):
             return name
         installed = self._installed()
         if name in installed:
             return installed[name].value
-        close = get_close_matches(name, self.names(), 1)
-        hint = f"did you mean {close[0]}? " if close else ""
+        hint = did_you_mean(name, self.names())
         raise RegistryError(
             f"there is no {self.kind} {printable(name, 80)!r}; {hint}there are"
             f" {', '.join(self.names())}; or name a class as module:Class or file.py:Class"
@@ -91,6 +89,11 @@ class Registry:
     def _installed(self) -> dict[str, EntryPoint]:
         points = _entry_points(tuple(sys.path)).select(group=self.group)
         return {point.name: point for point in points}
+
+
+def is_own_code(name: str) -> bool:
+    """Tell whether a name is that of a file or a module, which runs when the part is loaded."""
+    return ":" in name
 
 
 @lru_cache(maxsize=1)

@@ -6,6 +6,8 @@ the cursor or change colours; documents may take all memory. Nothing is read fro
 
 import logging
 import tomllib
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any, Final
 
 MAX_DOCUMENT: Final = 1_000_000
@@ -35,6 +37,12 @@ def printable(text: str | bytes, limit: int | None = None) -> str:
 def quoted(text: str, limit: int = 60) -> str:
     """Return foreign text for an error message: in quotes, safe for a terminal and cut."""
     return f"'{printable(text, limit)}'"
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """Return a hint for an error message, with a space behind it; empty where no name is close."""
+    close = get_close_matches(word, list(names), 1)
+    return f"did you mean {close[0]}? " if close else ""
 
 
 def parse_toml(data: bytes) -> dict[str, Any]:
