@@ -288,6 +288,15 @@ def test_a_file_of_somebody_elses_is_not_taken_for_a_lock(tmp_path: Path) -> Non
     assert lock_of(tmp_path / "a").read_bytes() == b"mine"
 
 
+def test_a_pipe_where_a_lock_belongs_does_not_make_it_wait(tmp_path: Path) -> None:
+    pipe = lock_of(tmp_path / "a")
+    os.mkfifo(pipe)
+    before = pipe.lstat()
+    with pytest.raises(MacorError, match="is none; move it away"), claim(tmp_path / "a"):
+        pass
+    assert os.path.samestat(pipe.lstat(), before)
+
+
 def test_two_trainings_of_one_map_do_not_both_report_success(tmp_path: Path) -> None:
     with claim(tmp_path / "a.npz"):
         done = macor_hil("train", "--map", "a.npz", "--tuning", "10", folder=tmp_path)

@@ -31,6 +31,7 @@ IO = {
 WITH_IO = {
     "khepera_protocol.startup": {"os", "signal", "sys"},
     "khepera_protocol.extras": {"sys", "urllib"},
+    "khepera_protocol.lock_file": {"os", "pathlib"},
     "khepera_protocol.options": {"pathlib", "typer"},
     "khepera_protocol.registry": {"pathlib", "sys"},
     "khepera_protocol.terminal_link": {"pathlib"},

@@ -4,15 +4,13 @@ Files of others are left alone: a link is replaced only if an emulator's lock st
 nothing is removed but what this process has made or an emulator that is gone has left behind.
 """
 
-import fcntl
-import os
 import secrets
-import stat
 import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
+from khepera_protocol.lock_file import NotALockError, give_back_lock, take_lock
 from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
 from khepera_protocol.text import printable
 
@@ -82,10 +80,7 @@ class Link:
         with suppress(OSError):
             if self._target is not None and str(self.path.readlink()) == self._target:
                 self.path.unlink()
-        with suppress(OSError):
-            if _leads_to(self._lock_path, self._lock):
-                self._lock_path.unlink()
-        os.close(self._lock)
+        give_back_lock(self._lock_path, self._lock)
 
     def _check_free(self) -> None:
         path = self.path
@@ -99,49 +94,20 @@ class Link:
             raise _taken(path, "exists and is not a link")
 
     def _take_lock(self) -> int:
-        looks = _LOOKS
-        while True:
-            flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-            lock = os.open(self._lock_path, flags, 0o644)
+        for look in range(1, _LOOKS + 1):
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                # the holder before may have taken the file away between our opening and locking it
-                if _leads_to(self._lock_path, lock):
-                    self._mark(lock)
-                    return lock
+                return take_lock(self._lock_path, LOCK_TEXT)
             except BlockingIOError:
-                looks -= 1
-                if looks <= 0:
-                    os.close(lock)
-                    raise EmulatorError(
-                        f"the link {self.path} is held by an emulator that is running;"
-                        " end that one, or give another --link"
-                    ) from None
-                time.sleep(_PAUSE)
-            except BaseException:
-                os.close(lock)
-                raise
-            os.close(lock)
-
-    def _mark(self, lock: int) -> None:
-        """Write into a new lock what it is; refuse a file that is none."""
-        found = os.read(lock, len(LOCK_TEXT) + 1) if _is_file(lock) else None
-        if found == b"":
-            os.write(lock, LOCK_TEXT)
-        elif found != LOCK_TEXT:
-            raise _taken(self._lock_path, "stands where the link's lock belongs and is none")
-
-
-def _leads_to(path: Path, descriptor: int) -> bool:
-    """Tell whether a path is still the file that was opened."""
-    try:
-        return os.path.samestat(os.fstat(descriptor), path.lstat())
-    except FileNotFoundError:
-        return False
-
-
-def _is_file(descriptor: int) -> bool:
-    return stat.S_ISREG(os.fstat(descriptor).st_mode)
+                if look < _LOOKS:
+                    time.sleep(_PAUSE)
+            except NotALockError:
+                raise _taken(
+                    self._lock_path, "stands where the link's lock belongs and is none"
+                ) from None
+        raise EmulatorError(
+            f"the link {self.path} is held by an emulator that is running;"
+            " end that one, or give another --link"
+        )
 
 
 def _taken(path: Path, why: str) -> EmulatorError:
