@@ -90,12 +90,12 @@ def load_map(path: Path, allowed: Collection[str] = ()) -> tuple[Brain, dict[str
     """
     try:
         arrays = read_arrays(read_bounded(path, _MOST_BYTES), _MOST_BYTES)
-        meta = from_json(str(arrays.pop("meta")))
+        meta = from_json(str(arrays.pop("meta")).encode())
     except FileNotFoundError:
         raise MapError(
             f"there is no map {path}; train one with: macor-hil train --map {path}"
         ) from None
-    except (ValueError, KeyError) as error:  # an InputError, no meta, no JSON
+    except (ValueError, KeyError) as error:  # an InputError, no meta, no text, no JSON
         raise MapError(f"{path} is not a map file: {error}") from None
     if not isinstance(meta, dict) or meta.pop("format", None) != FORMAT:
         raise MapError(f"{path} is not a map file: it does not say that it is one")

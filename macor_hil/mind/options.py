@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.options import Cli
 from khepera_protocol.registry import is_own_code
-from khepera_protocol.text import printable
+from khepera_protocol.text import printable, quoted
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 from pydantic_core import from_json
 
@@ -41,7 +41,7 @@ class PartSettings(BaseModel):
         for each in settings:
             name, equals, _ = each.partition("=")
             if not (equals and all(name.partition("."))):
-                raise ValueError(f"{printable(each, 80)!r} is not PART.SETTING=VALUE")
+                raise ValueError(f"{quoted(each, 80)} is not PART.SETTING=VALUE")
         return settings
 
     def make_planners(self, names: Iterable[str]) -> list[Planner]:
@@ -174,6 +174,6 @@ def _memory(text: str) -> tuple[str, Part]:
 
 def _value(text: str) -> Any:
     try:
-        return from_json(text, allow_inf_nan=False)
-    except ValueError:
+        return from_json(text.encode(), allow_inf_nan=False)
+    except ValueError:  # or bytes that are no text
         return text

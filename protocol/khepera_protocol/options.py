@@ -25,7 +25,14 @@ import typer
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from khepera_protocol.text import MAX_DOCUMENT, DocumentError, did_you_mean, parse_toml, printable
+from khepera_protocol.text import (
+    MAX_DOCUMENT,
+    DocumentError,
+    did_you_mean,
+    parse_toml,
+    printable,
+    quoted,
+)
 from khepera_protocol.validation import problems
 
 
@@ -233,7 +240,7 @@ def _field_of(model: type[BaseModel], name: str) -> str:
 def _unknown(name: str, names: Sequence[str]) -> str:
     shown = list(map(_outside, names))
     hint = did_you_mean(name, shown)
-    return f"unknown option {printable(name, 80)!r}; {hint}there are {', '.join(shown)}"
+    return f"unknown option {quoted(name, 80)}; {hint}there are {', '.join(shown)}"
 
 
 def _written(parameter: Any) -> str:

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import Any
 from zlib import crc32
 
-from khepera_protocol.text import did_you_mean, printable
+from khepera_protocol.text import did_you_mean, printable, quoted
 
 
 class RegistryError(LookupError):
@@ -56,7 +56,7 @@ class Registry:
             return installed[name].value
         hint = did_you_mean(name, self.names())
         raise RegistryError(
-            f"there is no {self.kind} {printable(name, 80)!r}; {hint}there are"
+            f"there is no {self.kind} {quoted(name, 80)}; {hint}there are"
             f" {', '.join(self.names())}; or name a class as module:Class or file.py:Class"
         )
 

@@ -172,6 +172,14 @@ def test_maps_whose_text_was_edited(hostile: Hostile, whole: bytes, tmp_path: Pa
     check()
 
 
+def test_a_map_whose_text_is_none(whole: bytes, tmp_path: Path) -> None:
+    path, arrays = tmp_path / "map.npz", arrays_of(whole)
+    text = str(arrays["meta"]).replace("here", "h\ud839re")
+    path.write_bytes(map_of({**arrays, "meta": np.array(text)}))
+    with pytest.raises(MapError, match="is not a map file"):
+        load_map(path)
+
+
 def _leaves(
     value: dict[str, Any] | float | str, place: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, ...]]:

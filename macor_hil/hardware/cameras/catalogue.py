@@ -21,7 +21,7 @@ from typing import Any, Final
 
 import zenoh
 from khepera_protocol.registry import Registry, RegistryError
-from khepera_protocol.text import printable
+from khepera_protocol.text import quoted
 
 from macor_hil.errors import CameraError
 from macor_hil.hardware.address import PortAddress
@@ -74,7 +74,7 @@ class CameraAddress:
         attribute, _, rest = source.partition(":")
         if kind and attribute.replace(".", "_").isidentifier():
             return cls(f"{kind}:{attribute}", rest)
-        raise CameraError(f"unknown camera {printable(text, 200)!r}; give {_all_kinds()}")
+        raise CameraError(f"unknown camera {quoted(text, 200)}; give {_all_kinds()}")
 
     def __str__(self) -> str:
         return f"{self.kind}:{self.source}" if self.source else self.kind
@@ -118,7 +118,7 @@ class CameraAddress:
         make = self._load()
         wanted = signature(make).parameters
         if not _fits(wanted.get("source"), self.source):
-            raise CameraError(f"unknown camera {printable(str(self), 200)!r}; give {_all_kinds()}")
+            raise CameraError(f"unknown camera {quoted(str(self), 200)}; give {_all_kinds()}")
         if "session" in wanted and session is None:
             raise CameraError(f"the camera {str(self)!r} needs Zenoh, which is switched off")
         return make_camera(make, self.source, port=port, session=session, robot=robot)

@@ -18,7 +18,7 @@ from typing import BinaryIO, Final, NamedTuple
 
 import lz4.frame
 import zstandard
-from khepera_protocol.text import printable
+from khepera_protocol.text import quoted
 
 from macor_hil.input_files import MIB
 
@@ -217,6 +217,4 @@ def _expanded(compression: str, data: bytes, size: int) -> bytes:
             except (RuntimeError, EOFError, ValueError, MemoryError):
                 raise _DamageError("a chunk cannot be expanded") from None
             return bytes(expanded)
-    raise _DamageError(
-        f"a chunk is compressed as {printable(compression, 20)!r}; zstd and lz4 are read"
-    )
+    raise _DamageError(f"a chunk is compressed as {quoted(compression, 20)}; zstd and lz4 are read")

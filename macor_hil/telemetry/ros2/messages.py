@@ -9,7 +9,7 @@ from math import cos, sin
 from typing import Any, Final
 
 import numpy as np
-from khepera_protocol.text import printable
+from khepera_protocol.text import quoted
 from khepera_protocol.zenoh.controller_payloads import Decision
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
@@ -80,7 +80,7 @@ def command(decision: Decision, time: int, drive: DriveSettings | None = None) -
     settings = drive or DriveSettings()
     arc = next((each for each in COMMANDS if each.name == decision.command), None)
     if arc is None:
-        raise TelemetryError(f"there is no command {printable(decision.command)!r}")
+        raise TelemetryError(f"there is no command {quoted(decision.command)}")
     longer = arc.way + abs(arc.turn) * settings.wheels.base / 2
     seconds = longer / (settings.speed * settings.wheels.left / 0.010)
     twist = _twist(arc.way / seconds, arc.turn / seconds)
