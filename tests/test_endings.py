@@ -22,7 +22,7 @@ from short_training import train_shortly
 from macor_hil.cli import program
 from macor_hil.cli.ending import SUMMARY, Status
 from macor_hil.errors import MacorError
-from macor_hil.mind.map_file import write_atomically
+from macor_hil.files import write_atomically
 from macor_hil.safety.claim import claim, lock_of
 
 ENDS = [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0)]

@@ -10,12 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from macor_hil.errors import MapError
+from macor_hil.files import write_atomically
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.experience import Experience
 from macor_hil.mind.eyes.panorama import PanoramaEyes
-from macor_hil.mind.map_file import load_map, save_map, write_atomically
+from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.settings import MindSettings, Part
 
@@ -122,5 +123,5 @@ def test_damaged_files_are_refused(
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(MapError, match="cannot write"):
-        write_atomically(tmp_path / "folder", b"new")
+        write_atomically(tmp_path / "folder", b"new", MapError)
     assert [entry.name for entry in tmp_path.iterdir()] == ["folder"]

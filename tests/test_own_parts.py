@@ -140,7 +140,7 @@ def test_a_setting_that_is_out_of_range_is_named() -> None:
         ("there/is/none.py:Class", "there is no Python file"),
         (":", "cannot load the planner ':'"),
         (".:Class", "cannot load the planner '.:Class'"),
-        ("\x1b[2J", r"there is no planner '\\\\x1b"),
+        ("\x1b[2J", r"there is no planner '\\x1b"),
     ],
 )
 def test_a_part_that_cannot_be_found_is_a_sentence(name: str, says: str) -> None:

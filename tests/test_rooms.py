@@ -36,7 +36,7 @@ WITH_IO = {
     "khepera_protocol.registry": {"pathlib", "sys"},
     "khepera_protocol.terminal_link": {"pathlib"},
     "khepera_protocol.version": {"typer"},
-    "macor_hil.mind.map_file": {"io", "os", "pathlib"},
+    "macor_hil.mind.map_file": {"io", "pathlib"},
 }
 """The only ones that import them, of the protocol beside its Zenoh folder and of the mind."""
 
@@ -49,7 +49,7 @@ SEEN_BY_THE_MIND = {
     "macor_hil.arrays",
     "macor_hil.commands",
     "macor_hil.errors",
-    "macor_hil.input_files",
+    "macor_hil.files",
 }
 
 
@@ -101,5 +101,5 @@ def test_the_mind_knows_little_of_the_rest() -> None:
     for module, imported, _ in imports("macor_hil.mind"):
         if imported in MODULES and not inside(imported, "macor_hil.mind"):
             seen.add(imported)
-            assert imported != "macor_hil.input_files" or module == "macor_hil.mind.map_file"
+            assert imported != "macor_hil.files" or module == "macor_hil.mind.map_file"
     assert seen == SEEN_BY_THE_MIND

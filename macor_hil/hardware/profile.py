@@ -14,9 +14,8 @@ from pydantic import TypeAdapter
 from pydantic_core import from_json, to_json
 
 from macor_hil.errors import ProfileError
+from macor_hil.files import MIB, InputError, checked, read_bounded, write_atomically
 from macor_hil.hardware.odometry import Wheels
-from macor_hil.input_files import MIB, InputError, checked, read_bounded
-from macor_hil.mind.map_file import write_atomically
 
 FORMAT: Final = "khepera profile"
 VERSION: Final = 1

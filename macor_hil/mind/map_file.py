@@ -7,8 +7,6 @@ entries are the states of the brain's parts, such as `clusterer/weights` and
 
 import io
 import json
-import os
-import secrets
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +19,7 @@ from pydantic_core import from_json
 
 from macor_hil.arrays import State
 from macor_hil.errors import MacorError, MapError
-from macor_hil.input_files import MIB, checked, read_arrays, read_bounded
+from macor_hil.files import MIB, checked, read_arrays, read_bounded, write_atomically
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.settings import MindSettings
@@ -72,7 +70,7 @@ def save_map(path: Path, brain: Brain, training: dict[str, Any]) -> None:
     }
     buffer = io.BytesIO()
     np.savez_compressed(buffer, meta=np.array(json.dumps(meta)), **arrays)  # type: ignore[arg-type]
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, buffer.getvalue(), MapError)
 
 
 def load_map(path: Path, allowed: Collection[str] = ()) -> tuple[Brain, dict[str, Any]]:
@@ -118,29 +116,6 @@ def load_map(path: Path, allowed: Collection[str] = ()) -> tuple[Brain, dict[str
         raise
     except MacorError as error:
         raise MapError(f"the map {path} cannot be used: {error}") from None
-
-
-def write_atomically(path: Path, data: bytes, failure: type[MacorError] = MapError) -> None:
-    """Replace a file by new contents, durably and in one step.
-
-    Raises:
-        MapError: the folder cannot be written to; or the other `failure` that was asked for.
-    """
-    # named before it is there, so that nothing that is raised in between leaves it behind
-    new = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
-    try:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with new.open("xb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            new.replace(path)
-        except BaseException:
-            new.unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise failure(f"cannot write {path}: {error.strerror}") from None
 
 
 def _parts(brain: Brain) -> dict[str, Any]:

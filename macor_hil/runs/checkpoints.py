@@ -12,10 +12,10 @@ from typing import Annotated, Any, Final
 from pydantic import Field, TypeAdapter
 
 from macor_hil.errors import MapError
+from macor_hil.files import InputError, checked
 from macor_hil.hardware.bench import Bench
 from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.driver import Driver
-from macor_hil.input_files import InputError, checked
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain, memory_for, own_code
 from macor_hil.mind.map_file import load_map, save_map

@@ -151,7 +151,7 @@ def _add_frame(runs: list[_Run], event: Arrival, brain: Brain, left_out: Counter
 def _add_decision(runs: list[_Run], event: Arrival, left_out: Counter[str]) -> None:
     """Add a decision to its run, which may be a new one."""
     try:
-        decision = Decision.model_validate_json(event.data)
+        decision = Decision.parse(event.data)
     except ValueError:
         decision = None
     if (

@@ -29,9 +29,9 @@ from khepera_protocol.zenoh.keys import (
 )
 from khepera_protocol.zenoh.payload_model import PayloadError
 from khepera_protocol.zenoh.payloads import Stamp
+from khepera_protocol.zenoh.sample_checks import check_sample, size_of, stamp_of
 
 from macor_hil.telemetry.inbox import Inbox
-from macor_hil.telemetry.sample_checks import check_sample, size_of, stamp_of
 from macor_hil.telemetry.session import check_robot_name
 from macor_hil.telemetry.steady_clock import SteadyClock
 

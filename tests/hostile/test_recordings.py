@@ -317,7 +317,7 @@ def test_an_unknown_compression_is_named(tmp_path: Path, caplog: pytest.LogCaptu
     path.write_bytes(file_of(record_of(6, head)))
     with pytest.raises(RecordingError, match="no sample of one is in it"):
         read_recording(path)
-    assert r"is compressed as 'xz\\x1b[2J'; zstd and lz4 are read" in caplog.text
+    assert r"is compressed as 'xz\x1b[2J'; zstd and lz4 are read" in caplog.text
 
 
 def test_channels_of_other_shapes_are_no_robot_s(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from macor_hil.mind.map_file import write_atomically
+from macor_hil.files import write_atomically
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,13 +23,13 @@ from macor_hil.commands import COMMANDS
 from macor_hil.errors import MapError
 from macor_hil.experiments.results.code_digest import digest
 from macor_hil.experiments.results.store import key_of
+from macor_hil.files import MIB, InputError, checked, read_arrays, read_bounded, write_atomically
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
-from macor_hil.input_files import MIB, InputError, checked, read_arrays, read_bounded
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain, whereabouts
 from macor_hil.mind.experience import Seen
-from macor_hil.mind.map_file import load_map, save_map, write_atomically
+from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.mind.settings import MindSettings, Part
 from macor_hil.runs.training import Schedule, Trainer
@@ -227,7 +227,7 @@ class _Part:
 
     def save(self, brain: Brain, seen: list[Seen], sessions: int, seconds: float) -> None:
         """Keep what was driven in so many sessions, which took the robot some seconds."""
-        write_atomically(self._frames, _archive(_arrays(seen)))
+        write_atomically(self._frames, _archive(_arrays(seen)), MapError)
         # last, and with the number of frames: later ones may be there from a kill in between
         facts = {"sessions": sessions, "seconds": seconds, "frames": len(seen)}
         save_map(self._map, brain, facts)
@@ -324,7 +324,7 @@ class Recordings:
             "collided": recording.collided,
         }
         # last: a recording is there when its frames are
-        write_atomically(self._frames(seed), _archive(arrays))
+        write_atomically(self._frames(seed), _archive(arrays), MapError)
 
     def _map(self, seed: int) -> Path:
         return self.folder / f"seed-{seed:04}.map.npz"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from macor_hil.errors import MacorError
-from macor_hil.input_files import MIB, InputError, read_bounded
+from macor_hil.files import MIB, InputError, read_bounded
 
 _PACKAGES: Final = ("khepera_protocol", "khepera_emulator", "macor_hil")
 

@@ -19,8 +19,7 @@ from pydantic import TypeAdapter
 from pydantic_core import from_json
 
 from macor_hil.errors import MacorError
-from macor_hil.input_files import MIB, InputError, read_bounded
-from macor_hil.mind.map_file import write_atomically
+from macor_hil.files import MIB, InputError, read_bounded, write_atomically
 
 _log = logging.getLogger(__name__)
 
@@ -88,7 +87,7 @@ class ResultsFile:
     def write(self, results: Results) -> None:
         """Replace the file by these results, in the order of their seeds."""
         entries = [_entry(seed, results[seed]) for seed in sorted(results)]
-        write_atomically(self.path, b"".join(map(_line, [self._header, *entries])), MacorError)
+        write_atomically(self.path, b"".join(map(_line, [self._header, *entries])))
 
 
 def append_line(path: Path, value: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ from typing import Any, Final
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.results.store import Results
-from macor_hil.mind.map_file import write_atomically
+from macor_hil.files import write_atomically
 
 _TITLE: Final = "MACOR with Fuzzy ART, reproduced"
 _SCOPE: Final = (

@@ -11,9 +11,9 @@ from pydantic import Field, TypeAdapter, ValidationError
 from pydantic_core import from_json, to_json
 
 from macor_hil.errors import CalibrationError
+from macor_hil.files import write_atomically
 from macor_hil.hardware.calibration.course import Run
 from macor_hil.hardware.odometry import Wheels
-from macor_hil.mind.map_file import write_atomically
 
 _MOST_BYTES: Final = 1_000_000
 

@@ -6,8 +6,8 @@ from typing import Final
 import zenoh
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.keys import CAMERA
-from khepera_protocol.zenoh.payloads import Stamp
-from pydantic import ValidationError
+from khepera_protocol.zenoh.payload_model import PayloadError
+from khepera_protocol.zenoh.sample_checks import stamp_of
 
 from macor_hil.arrays import Image
 from macor_hil.errors import CameraError, CameraLostError, WrongPictureError
@@ -21,7 +21,6 @@ _LISTEN: Final = 0.25
 _PAUSE: Final = 0.05
 """Seconds before a source that has gone is asked again."""
 
-_LONGEST_STAMP: Final = 1000
 _LONGEST_REASON: Final = 200
 _TIMEOUT: Final = b"Timeout"
 """Error of Zenoh for a source that has not answered in time."""
@@ -126,20 +125,18 @@ class ZenohCamera:
 
     def _frame(self, sample: zenoh.Sample) -> Frame:
         image = self._decoded(sample)
-        attachment = sample.attachment
-        if attachment is None:
+        try:
+            stamp = stamp_of(sample)
+        except PayloadError:
+            data = b"" if sample.attachment is None else sample.attachment.to_bytes()
+            raise WrongPictureError(
+                f"the attachment of a picture from {self._key} is no time stamp:"
+                f" {printable(data, 80)}"
+            ) from None
+        if stamp is None:
             self._sequence += 1
             return Frame(image, time.time(), self._sequence)
-        data = attachment.to_bytes()
-        try:
-            if len(data) <= _LONGEST_STAMP:
-                stamp = Stamp.model_validate_json(data)
-                return Frame(image, stamp.time, stamp.sequence)
-        except ValidationError:
-            pass
-        raise WrongPictureError(
-            f"the attachment of a picture from {self._key} is no time stamp: {printable(data, 80)}"
-        )
+        return Frame(image, stamp.time, stamp.sequence)
 
     def _decoded(self, sample: zenoh.Sample) -> Image:
         complaint = f"what came from {self._key} is no picture"

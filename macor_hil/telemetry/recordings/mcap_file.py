@@ -20,7 +20,7 @@ import lz4.frame
 import zstandard
 from khepera_protocol.text import quoted
 
-from macor_hil.input_files import MIB
+from macor_hil.files import MIB
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _HEAD: Final = struct.Struct("<BQ")

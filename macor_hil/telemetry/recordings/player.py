@@ -12,10 +12,10 @@ from typing import Final, Self
 import zenoh
 from khepera_protocol.zenoh.keys import ALIVE, KEYS_BY_PLACE
 from khepera_protocol.zenoh.sample import AnsweringPublisher, Content, Sample
+from khepera_protocol.zenoh.sample_checks import LONGEST_ENCODING
 
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.recordings.playing_times import in_playing_time
-from macor_hil.telemetry.sample_checks import LONGEST_ENCODING
 from macor_hil.telemetry.session import check_robot_name
 
 _NS: Final = 1e-9

@@ -30,7 +30,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
 from macor_hil.errors import RecordingError
-from macor_hil.input_files import MIB, InputError, open_regular
+from macor_hil.files import MIB, InputError, open_regular
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.recordings.foxglove import drawings
 from macor_hil.telemetry.recordings.mcap_file import Damage, Message, read_messages
@@ -298,7 +298,7 @@ def _event(side: str, leaf: str, message: Message) -> Event | None:
     if key is None:
         return None
     if key == ALIVE[side]:
-        alive = Alive.model_validate_json(message.data).alive
+        alive = Alive.parse(message.data).alive
         return Presence(side, alive, message.log_time)
     if key.payload:
         (encoding,), data = key.encodings, message.data

@@ -15,6 +15,7 @@ import zenoh
 from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.keys import DECISION, FRAME, Key
 from khepera_protocol.zenoh.payload_model import PayloadError
+from khepera_protocol.zenoh.sample_checks import check_sample, size_of
 
 from macor_hil.errors import TelemetryError, WrongPictureError
 from macor_hil.hardware.cameras.decoding import check_picture
@@ -29,7 +30,6 @@ from macor_hil.telemetry.ros2.rmw_zenoh import (
     gid,
     namespace_of,
 )
-from macor_hil.telemetry.sample_checks import check_sample, size_of
 from macor_hil.telemetry.session import check_robot_name, open_session
 
 NODE: Final = "macor"

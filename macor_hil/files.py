@@ -1,4 +1,4 @@
-"""Files from outside: read whole, within bounds, with one error.
+"""Files: written in one step; those from outside read whole, within bounds, with one error.
 
 Whoever reads a file that others may have written begins here and turns `InputError` into the error
 of its own kind. Nothing is decompressed, converted or evaluated before its size is known.
@@ -6,6 +6,7 @@ of its own kind. Nothing is decompressed, converted or evaluated before its size
 
 import os
 import re
+import secrets
 import stat
 import struct
 import zipfile
@@ -22,6 +23,8 @@ from khepera_protocol.validation import first_fault
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import to_json
+
+from macor_hil.errors import MacorError
 
 T = TypeVar("T")
 
@@ -102,6 +105,29 @@ def read_arrays(data: bytes, most: int) -> dict[str, NDArray[Any]]:
         *(RuntimeError, ValueError, OverflowError),  # what of the format Python does not read
     ) as error:
         raise InputError(printable(str(error), 200)) from None
+
+
+def write_atomically(path: Path, data: bytes, failure: type[MacorError] = MacorError) -> None:
+    """Replace a file by new contents, durably and in one step.
+
+    Raises:
+        MacorError: the folder cannot be written to; of the kind `failure`.
+    """
+    # named before it is there, so that nothing that is raised in between leaves it behind
+    new = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
+    try:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with new.open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            new.replace(path)
+        except BaseException:
+            new.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise failure(f"cannot write {path}: {error.strerror}") from None
 
 
 def checked(adapter: TypeAdapter[T], data: Any) -> T:

@@ -3,6 +3,7 @@
 from typing import Final
 
 import zenoh
+
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.payload_model import MOST_STAMP, PayloadError
 from khepera_protocol.zenoh.payloads import Stamp
