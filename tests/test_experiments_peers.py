@@ -44,8 +44,9 @@ COMMANDS = np.array([PUT_DOWN, 0, 2, PUT_DOWN, PUT_DOWN, 1, 2])
 @pytest.fixture
 def recording() -> Recording:
     """Two commands, the second a collision; nothing; two commands without one."""
-    raw = np.random.default_rng(0).uniform(size=(len(COMMANDS), 36))
-    return Recording(build_brain(), raw, COMMANDS, np.arange(len(COMMANDS)) == 2, 70.0)
+    brain = build_brain()
+    raw = np.random.default_rng(0).uniform(size=(len(COMMANDS), brain.eyes.raw_size))
+    return Recording(brain, raw, COMMANDS, np.arange(len(COMMANDS)) == 2, 70.0)
 
 
 class Network:

@@ -27,6 +27,7 @@ from macor_hil.hardware.odometry import Wheels, integrate
 from macor_hil.mind.experience import Experience
 from macor_hil.mind.eyes.floor import FloorEyes
 from macor_hil.mind.eyes.floor_profile import azimuths, floor_profile
+from macor_hil.mind.eyes.sights import sights
 from macor_hil.mind.foresight.drives import hypothetical_drives
 from macor_hil.mind.foresight.floor import clearance, solids
 from macor_hil.mind.foresight.view import CLEARANCES, UNSEEN, cells_of, raster
@@ -123,10 +124,47 @@ def test_features_are_those_of_receptive_fields_alone() -> None:
     eyes = FloorEyes(Mirror())
     picture = np.random.default_rng(0).integers(0, 256, (160, 160, 3), dtype=np.uint8)
     raw = eyes.look(picture)
-    assert raw.shape == (eyes.raw_size,) == (36 + 120,)
+    assert raw.shape == (eyes.raw_size,) == (36 + 120 + 24 * 5,)
     assert (raw[:36] == eyes.fields.raw(eyes.unwrap(picture))).all()
     eyes.tune(np.stack([raw, 0.5 * raw]))
     assert (eyes.tuned(raw) == eyes.fields.tune(raw[:36])).all()
+
+
+def seen_from(arena: str, pose: Pose) -> Array:
+    world = World(load_arena(arena))
+    try:
+        picture = OmniCamera(world, np.random.default_rng(1), Mirror()).mirror_image(pose)
+    finally:
+        world.close()
+    eyes = FloorEyes(Mirror())
+    return eyes.sights(eyes.look(picture))
+
+
+def test_the_colour_of_what_stands_ahead_is_seen() -> None:
+    # the wall ahead is red, all others are white
+    blue, green, red = seen_from("open-box", Pose(x=0.3, y=0.0, heading=0.0)).T[:3]
+    is_red = red - np.maximum(blue, green) > 0.3
+    assert is_red[11:13].all()
+    assert not is_red[:6].any()
+    assert not is_red[-6:].any()
+
+
+@pytest.mark.parametrize(("turned", "sector"), [(0, 12), (60, 16), (-60, 8)])
+def test_a_lamp_is_the_brightest_spot_and_the_higher_the_nearer(turned: int, sector: int) -> None:
+    near, far = (
+        seen_from("lamp-room", Pose(x=0.57 - d, y=-0.01, heading=radians(turned)))
+        for d in (0.1, 0.2)
+    )
+    sectors = near[:, 3].argmax(), far[:, 3].argmax()
+    assert all(seen in (sector - 1, sector) for seen in sectors)
+    assert near[:, 4][near[:, 3].argmax()] > far[:, 4][far[:, 3].argmax()]
+
+
+@pytest.mark.parametrize("columns", [6, 50, 120])
+def test_sights_are_seen_in_panoramas_of_any_width(columns: int) -> None:
+    picture = np.full((32, columns, 3), (10, 20, 30), np.uint8)
+    seen = sights(picture, Mirror(), np.full(columns, 1.0))
+    assert seen[:, :3] == pytest.approx(np.tile([10 / 255, 20 / 255, 30 / 255], (24, 1)))
 
 
 def test_hypothetical_drives_are_those_of_a_differential_drive() -> None:

@@ -31,7 +31,8 @@ def a_brain() -> Brain:
     for _ in range(200):
         past, present = rng.integers(known.size, size=2).tolist()
         known.adapt(past, present, float(rng.uniform()))
-    seen = rng.uniform(size=(50, 36))
+    seen = rng.uniform(size=(50, brain.eyes.size))
+    seen = np.pad(seen, ((0, 0), (0, brain.eyes.raw_size - brain.eyes.size)), constant_values=0.5)
     brain.tune(seen, rng)
     before, after = (brain.perceive(raw, 1, learn=False) for raw in seen[:2])
     graded = brain.memories["graded"]

@@ -43,7 +43,6 @@ from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Moment
 from macor_hil.mind.planners.planner import NO_PLAN, Plan
-from macor_hil.mind.settings import MindSettings, Part
 from macor_hil.runs.possible import Possible, Shares, compare, share_of
 from macor_hil.runs.trials import Trial
 
@@ -60,11 +59,6 @@ GOALS: Final = {IN_PLACE: (0.99, 0.01), ELSEWHERE: (0.95, 0.05)}
 """Least share of what is possible, and greatest share of needless collisions, to be reached."""
 
 
-def _eyes_and_graded() -> MindSettings:
-    memories = ("transitions", "graded")
-    return MindSettings(memories={name: Part(name) for name in memories})
-
-
 def _homes() -> tuple[Place, ...]:
     bundled = (Place(name, own) for name in bundled_arenas() for own in (False, True))
     return (*bundled, *map(Place, range(15)))  # each kind in each difficulty
@@ -74,7 +68,7 @@ def _homes() -> tuple[Place, ...]:
 class Settings(Learning):
     """Settings of the suite: trainings, arenas and trials."""
 
-    drive: Drive = field(default_factory=lambda: Drive(brain=_eyes_and_graded()))
+    drive: Drive = field(default_factory=Drive)
     """The training drive in each arena; of a mixture all drives together are as long."""
     homes: tuple[Place, ...] = field(default_factory=_homes)
     """Arenas of training and of trials: all bundled ones, each also with a colour of its own on
@@ -95,7 +89,7 @@ class Settings(Learning):
 
 
 QUICK: Final = Settings(
-    drive=Drive(tuning=100, random=1_500, brain=_eyes_and_graded()),
+    drive=Drive(tuning=100, random=1_500),
     homes=(
         Place("corridor"),
         Place("corridor", own_colours=True),

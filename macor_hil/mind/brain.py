@@ -59,8 +59,9 @@ class Brain:
         x = self.eyes.tuned(raw)
         resonance = self.clusterer.present(x, learn=learn)
         neuron = resonance.node * len(COMMANDS) + command
-        floor = self.eyes.floor(raw) if isinstance(self.eyes, FloorSeeing) else None
-        return Moment(raw, x, resonance, neuron, floor)
+        if not isinstance(self.eyes, FloorSeeing):
+            return Moment(raw, x, resonance, neuron)
+        return Moment(raw, x, resonance, neuron, self.eyes.floor(raw), self.eyes.sights(raw))
 
     def earned(self, command: int, *, collided: bool) -> float:
         """Return what a driven command earns."""

@@ -31,6 +31,7 @@ class Moment:
         neuron: that situation, entered by the last command (i = k * m + a).
         floor: inverse distance of the floor's end in each direction, shape (directions,), see
             `FloorSeeing`; None: the eyes do not tell.
+        sights: what stands around the robot, shape (24, 5), see `eyes.sights`; None: as above.
     """
 
     raw: Array
@@ -38,6 +39,7 @@ class Moment:
     resonance: Resonance
     neuron: int
     floor: Array | None = None
+    sights: Array | None = None
 
     @property
     def node(self) -> int:

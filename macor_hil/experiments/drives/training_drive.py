@@ -47,10 +47,9 @@ _KEPT_EVERY: Final = 4
 """Sessions after which what was driven is kept, so that an interrupted drive goes on from there."""
 
 
-def _eyes_and_reactive() -> MindSettings:
-    memories = ("transitions", "graded")
-    parts = {name: Part(name) for name in memories}
-    return MindSettings(eyes=Part("receptive-fields"), memories=parts)
+def _enough_to_drive() -> MindSettings:
+    """Return the default eyes, and of memories the reactive one and that which tuning places."""
+    return MindSettings(memories={name: Part(name) for name in ("transitions", "graded")})
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ class Drive:
     """Randomly selected commands."""
     reactive: int = 0
     """Reactively selected commands after them."""
-    brain: MindSettings = field(default_factory=_eyes_and_reactive)
+    brain: MindSettings = field(default_factory=_enough_to_drive)
     """Eyes, and what selects reactively; other systems learn from the recording."""
 
     def port(self, seed: int) -> str:

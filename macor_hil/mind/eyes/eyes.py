@@ -73,7 +73,7 @@ class Eyes(Protocol):
 
 @runtime_checkable
 class FloorSeeing(Protocol):
-    """Eyes that also tell where the floor ends, in so many directions.
+    """Eyes that also tell where the floor ends, in so many directions, and what stands there.
 
     Attributes:
         directions: evenly around the robot, the first one behind its left side, clockwise.
@@ -89,5 +89,16 @@ class FloorSeeing(Protocol):
 
         Returns:
             Shape (..., directions), in units of the camera's inverse height above the floor.
+        """
+        ...
+
+    def sights(self, raw: Array) -> Array:
+        """Return what stands around the robot, see `eyes.sights`.
+
+        Args:
+            raw: untuned features, shape (..., R).
+
+        Returns:
+            Shape (..., 24, 5).
         """
         ...

@@ -1,4 +1,4 @@
-"""Receptive fields and, beside them, where the floor ends in every direction."""
+"""Receptive fields and, beside them, where the floor ends in every direction, and at what."""
 
 from typing import Annotated
 
@@ -9,14 +9,15 @@ from pydantic import Field
 from macor_hil.arrays import Array, Image
 from macor_hil.mind.eyes.floor_profile import floor_profile
 from macor_hil.mind.eyes.panorama import PanoramaEyes
+from macor_hil.mind.eyes.sights import CHANNELS, SECTORS, sights
 from macor_hil.mind.eyes.unwrap import PanoramaSize
 
 
 class FloorEyes(PanoramaEyes):
-    """Receptive fields as features, and a profile of the floor for those who plan ways on it.
+    """Receptive fields as features; beside them the floor's profile, and what stands at its end.
 
-    The untuned features are those of `PanoramaEyes`, followed by the profile: whatever records
-    untuned features records both.
+    The untuned features are those of `PanoramaEyes`, followed by the profile and the sights:
+    whatever records untuned features records all of them.
 
     Args:
         mirror: see `PanoramaEyes`.
@@ -38,17 +39,18 @@ class FloorEyes(PanoramaEyes):
 
     @property
     def raw_size(self) -> int:
-        """Number of untuned features R: one for each feature, and the profile."""
-        return self.size + self.directions
+        """Number of untuned features R: one for each feature, the profile, and the sights."""
+        return self.size + self.directions + SECTORS * len(CHANNELS)
 
     def look(self, image: Image) -> Array:
-        """Return the untuned features of a picture, and the profile of its floor."""
+        """Return the untuned features of a picture, the profile of its floor, and its sights."""
         panorama = self.unwrap(image)
         profile = floor_profile(panorama, self.mirror, self._contrast)
-        return np.concatenate([self.fields.raw(panorama), profile])
+        around = sights(panorama, self.mirror, profile)
+        return np.concatenate([self.fields.raw(panorama), profile, around.ravel()])
 
     def tuned(self, raw: Array) -> Array:
-        """Stretch raw means to the tuned range; the profile is no feature."""
+        """Stretch raw means to the tuned range; profile and sights are no features."""
         return super().tuned(raw[..., : self.size])
 
     def tune(self, raw: Array) -> None:
@@ -57,4 +59,9 @@ class FloorEyes(PanoramaEyes):
 
     def floor(self, raw: Array) -> Array:
         """Return the profile among untuned features, shape (..., directions)."""
-        return raw[..., self.size :]
+        return raw[..., self.size : self.size + self.directions]
+
+    def sights(self, raw: Array) -> Array:
+        """Return the sights among untuned features, shape (..., sectors, 5)."""
+        around: Array = raw[..., self.size + self.directions :]
+        return around.reshape(*raw.shape[:-1], SECTORS, len(CHANNELS))

@@ -1,0 +1,45 @@
+"""Sights: the colours of what stands around the robot, and the lights above it.
+
+A goal is known by its colour, and by how near it is. In each sector this is the colour just above
+the place where the floor ends, whose distance the profile tells; and the brightest spot above it,
+as a lamp is, with the row that it is seen in: the higher, the nearer.
+"""
+
+from typing import Final
+
+import cv2
+import numpy as np
+from khepera_protocol.mirror import Mirror
+
+from macor_hil.arrays import Array, Image
+
+SECTORS: Final = 24
+"""Sectors around the robot, evenly, the first one behind its left side, clockwise."""
+
+CHANNELS: Final = ("blue", "green", "red", "light", "row")
+"""Numbers of each sector, all from 0 to 1; row: of the brightest spot, 1 is the highest."""
+
+_ABOVE: Final = 2
+"""Rows above the floor's end, in which nothing of the floor is left."""
+
+
+def sights(panorama: Image, mirror: Mirror, profile: Array) -> Array:
+    """Return the sights of a panorama, shape (sectors, 5).
+
+    Args:
+        panorama: top row at the mirror's highest elevation.
+        mirror: elevations of the panorama's rows.
+        profile: inverse distance of the floor's end in each column, see `floor_profile`.
+    """
+    rows, columns, _ = panorama.shape
+    begins = np.arange(SECTORS) * columns // SECTORS
+    counts = np.maximum(np.diff(begins, append=columns), 1)
+    share = (mirror.high + np.arctan(profile)) / (mirror.high - mirror.low)
+    foot = np.clip((share * rows).astype(np.int64) - _ABOVE, 0, rows - 1)
+    feet = panorama[foot, np.arange(columns)].astype(np.float64)
+    colours = np.add.reduceat(feet, begins, axis=0) / counts[:, np.newaxis]
+    grey = np.maximum.reduceat(cv2.cvtColor(panorama, cv2.COLOR_BGR2GRAY), begins, axis=1)
+    row = grey.argmax(axis=0)
+    light = grey[row, np.arange(SECTORS)]
+    seen: Array = np.column_stack([colours / 255.0, light / 255.0, 1.0 - row / rows])
+    return seen
