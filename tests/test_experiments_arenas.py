@@ -12,10 +12,10 @@ from khepera_emulator.arenas.arena import load_arena
 from macor_hil.cli import app
 from macor_hil.errors import MacorError
 from macor_hil.experiments import catalogue
-from macor_hil.experiments.arenas import ARENAS, ELSEWHERE, IN_PLACE, SYSTEMS, Settings
 from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
 from macor_hil.experiments.drives.course import Course
 from macor_hil.experiments.drives.training_drive import Drive
+from macor_hil.experiments.suite.arenas import ARENAS, ELSEWHERE, IN_PLACE, SYSTEMS, Settings
 from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.settings import MindSettings
 

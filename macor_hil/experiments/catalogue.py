@@ -8,7 +8,6 @@ from typing import Final
 from khepera_protocol.extras import how_to_install
 
 from macor_hil.errors import MacorError
-from macor_hil.experiments.arenas import ARENAS
 from macor_hil.experiments.beyond import BEYOND
 from macor_hil.experiments.drift import DRIFT
 from macor_hil.experiments.experiment import Experiment
@@ -19,6 +18,8 @@ from macor_hil.experiments.paper.figure3 import FIGURE3
 from macor_hil.experiments.paper.figure4 import FIGURE4
 from macor_hil.experiments.paper.table1 import FIGURE5, TABLE1
 from macor_hil.experiments.peers import PEERS
+from macor_hil.experiments.suite.amounts import AMOUNTS
+from macor_hil.experiments.suite.arenas import ARENAS
 
 EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     FIGURE2,
@@ -30,6 +31,7 @@ EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     GOALS,
     DRIFT,
     ARENAS,
+    AMOUNTS,
     PEERS,
 )
 

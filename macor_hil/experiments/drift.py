@@ -7,6 +7,7 @@ robot's drift, and with one that pulls to one side by a known amount.
 """
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -45,6 +46,11 @@ class Settings(Learning):
     def arenas(self) -> tuple[str, ...]:
         """The arenas of the trials."""
         return (self.course.arena,)
+
+
+def drives(settings: Settings, _: Path) -> list[Drive]:
+    """Return the training drives of a seed, one with each drift."""
+    return [replace(settings.drive, drift=drift) for drift in settings.trained]
 
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
