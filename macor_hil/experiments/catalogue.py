@@ -1,7 +1,6 @@
 """All experiments, in the order of the report."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.util import find_spec
 from typing import Final
 
@@ -65,21 +64,9 @@ def with_planners(
     Raises:
         MacorError: table 1 is not among them, or there is no such planner.
     """
-    if planners and TABLE1 not in experiments:
+    if planners and TABLE1.name not in {each.name for each in experiments}:
         raise MacorError(f"--planner adds rows to {TABLE1.name}; reproduce that")
     return tuple(
-        table1.with_planners(each, planners) if each is TABLE1 else each for each in experiments
+        table1.with_planners(each, planners) if each.name == TABLE1.name else each
+        for each in experiments
     )
-
-
-def quick(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
-    """Return experiments with settings that take minutes.
-
-    Raises:
-        MacorError: one of them has none.
-    """
-    for experiment in experiments:
-        if experiment.quick is None:
-            able = ", ".join(e.name for e in EXPERIMENTS if e.quick is not None)
-            raise MacorError(f"{experiment.name} has no quick form; these have: {able}")
-    return tuple(replace(experiment, settings=experiment.quick) for experiment in experiments)

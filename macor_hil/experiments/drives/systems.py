@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from macor_hil.commands import COMMANDS
 from macor_hil.experiments.drives.course import System
@@ -30,6 +31,7 @@ from macor_hil.mind.planners.q_learning import QLearning, WeakQLearning
 from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.planners.successor import Successor
 from macor_hil.mind.reinforcement import Reinforcement
+from macor_hil.mind.settings import MOST_NODES
 
 REACTIVE: Final = "reactive"
 ANTICIPATIVE: Final = "anticipative"
@@ -59,13 +61,13 @@ _PLACING: Final = 400
 class Learning:
     """Settings of learning, with the values of section 3.2."""
 
-    nodes: int = 50
+    nodes: Annotated[int, Field(ge=1, le=MOST_NODES)] = 50
     """n, Fuzzy ART nodes."""
-    vigilance: float = 0.9
+    vigilance: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
     """rho."""
-    alpha: float = 0.001
+    alpha: Annotated[float, Field(gt=0.0)] = 0.001
     """Choice parameter of Fuzzy ART, not printed."""
-    gamma: float = 0.9
+    gamma: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.9
     """Planning horizon of Q-learning, fitted Q and the successor representation."""
     competence: Competence = field(default_factory=Competence)
     """Equation 1."""

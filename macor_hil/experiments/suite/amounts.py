@@ -23,7 +23,7 @@ from macor_hil.experiments.drives.systems import (
     learn_foresight,
     learn_situations,
 )
-from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
@@ -180,7 +180,7 @@ def _table(title: str, settings: Settings, results: Results, systems: tuple[str,
 
 
 QUICK: Final = Settings(
-    drive=Drive(tuning=100, random=1_500),
+    drive=QUICK_DRIVE,
     homes=(Place("corridor"), Place("maze")),
     situations=(20, 50, 100),
     commands=(250, 1_500),

@@ -16,7 +16,7 @@ from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
 from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
-from macor_hil.experiments.drives.course import Course, System
+from macor_hil.experiments.drives.course import Course, Lighting, System
 from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
     EXPECTED,
@@ -29,7 +29,7 @@ from macor_hil.experiments.drives.systems import (
     Q,
     learn_all,
 )
-from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
@@ -89,7 +89,7 @@ class Settings(Learning):
     """Seeds of the generated arenas of the mixture."""
     unseen: tuple[int, ...] = tuple(range(15))
     """Seeds of generated arenas that are driven after training on the mixture."""
-    lights: tuple[str, ...] = tuple(name for name in LIGHTS if name != AS_TRAINED)
+    lights: tuple[Lighting, ...] = tuple(name for name in LIGHTS if name != AS_TRAINED)
     """Lights that systems are driven in beside the one of their training."""
     course: Course = field(default_factory=Course)
     """The trials of each system in each arena."""
@@ -101,7 +101,7 @@ class Settings(Learning):
 
 
 QUICK: Final = Settings(
-    drive=Drive(tuning=100, random=1_500),
+    drive=QUICK_DRIVE,
     homes=(
         Place("corridor"),
         Place("corridor", own_colours=True),
