@@ -50,7 +50,7 @@ class SuccessorMap:
         nodes: int,
         commands: int,
         gamma: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.9,
-        rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.05,
+        rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1,
     ) -> None:
         self.commands = commands
         self._gamma = gamma
