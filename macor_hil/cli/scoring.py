@@ -12,10 +12,20 @@ from khepera_protocol.zenoh.payloads import Reset
 from pydantic import Field
 from rich import box
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TaskID, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Table
+from rich.text import Text
 
-from macor_hil.cli.common import COLUMNS, extra, hardware_of, progress_bar
+from macor_hil.cli.common import extra, hardware_of, progress_bar
 from macor_hil.cli.ending import kept
 from macor_hil.cli.paths import check_folder
 from macor_hil.errors import MacorError
@@ -201,9 +211,7 @@ def reproduce(options: ReproduceOptions) -> None:
     """
     with (
         kept(lambda: _how_to_go_on(options.out)),
-        Progress(
-            SpinnerColumn(), *COLUMNS, TimeElapsedColumn(), console=Console(stderr=True)
-        ) as bars,
+        _progress() as bars,
     ):
         bars.add_task(f"reproduce {options.name}", total=None)
         with extra("experiments"):
@@ -225,6 +233,21 @@ def reproduce(options: ReproduceOptions) -> None:
 def _how_to_go_on(out: Path) -> str:
     command = shlex.join(["macor-hil", *sys.argv[1:]])
     return f"what is done is kept in {out}; go on with: {command}"
+
+
+class _Count(MofNCompleteColumn):
+    """How much is done of how much; nothing where that is not known."""
+
+    def render(self, task: Task) -> Text:
+        """Return the text of a task."""
+        return Text() if task.total is None else super().render(task)
+
+
+def _progress() -> Progress:
+    """Return bars that move by themselves; where there is no terminal, none are shown."""
+    console = Console(stderr=True)
+    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), _Count()
+    return Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal)
 
 
 class _Watch:
