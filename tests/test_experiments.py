@@ -346,6 +346,7 @@ REPORTS = {
     "macor_hil.experiments.report",
     "macor_hil.experiments.report.elements",
     "macor_hil.experiments.report.drawing",
+    "macor_hil.experiments.report.rows",
     "macor_hil.experiments.report.statistics",
     "macor_hil.monitor",
     "macor_hil.monitor.pictures",

@@ -7,6 +7,7 @@ the corridor that it was trained in, from the start and from anywhere, and in ar
 never seen.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -31,10 +32,11 @@ from macor_hil.experiments.drives.systems import (
     learn_all,
     situations_of,
 )
-from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
@@ -210,6 +212,24 @@ def _verdict(settings: Settings, results: Results) -> str:
     return f"{said}."
 
 
+def rows(_: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each trial."""
+    for seed, result in results.items():
+        for place, by_system in result["trials"].items():
+            for system, trials in by_system.items():
+                where: Row = {"place": place, "seed": seed, "system": system}
+                yield from trial_rows(map(trial_from_json, trials), where)
+
+
+QUICK: Final = Settings(
+    drive=QUICK_DRIVE,
+    courses=(
+        Course(trials=2),
+        Course(trials=2, anywhere=True),
+        Course("corridor-mirror", trials=2),
+    ),
+)
+
 BEYOND = Experiment(
     "beyond",
     "Beyond the paper: what each change gives, and elsewhere",
@@ -217,4 +237,6 @@ BEYOND = Experiment(
     trial,
     draw,
     tell,
+    quick=QUICK,
+    rows=rows,
 )

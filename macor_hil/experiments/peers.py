@@ -36,6 +36,7 @@ from macor_hil.experiments.paper.table1 import (
     order_table,
     per_seed,
     reinforcement_a_step,
+    rows,
     trials_of,
 )
 from macor_hil.experiments.report.drawing import draw_seeds
@@ -250,4 +251,5 @@ PEERS: Final = Experiment(
     tell,
     most_seeds=10,
     peer=PEER,
+    rows=rows,
 )

@@ -5,6 +5,7 @@ distance from every input to the middle of its node is averaged. The Neural Gas 
 five presentations, with the parameters of a breadth search; Fuzzy ART has none to fall.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,9 +13,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from macor_hil.arrays import Array
-from macor_hil.experiments.drives.training_drive import SECTION_31, Drive, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, SECTION_31, Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, order
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.clusterer import Clusterer
@@ -194,4 +196,25 @@ def _found(results: Results) -> Table:
     return Table("What the breadth search found", head, tuple(rows))
 
 
-FIGURE2 = Experiment("figure2", "Figure 2: clusterer error", Settings(), trial, draw, tell)
+def rows(_: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each presentation."""
+    for seed, result in results.items():
+        for system, errors in result["errors"].items():
+            pairs = zip(errors["mean"], errors["variance"], strict=True)
+            for number, (error, variance) in enumerate(pairs, 1):
+                where: Row = {"seed": seed, "system": system, "presentation": number}
+                yield {**where, "error": error, "variance": variance}
+
+
+QUICK: Final = Settings(drive=QUICK_DRIVE, inputs=1_500)
+
+FIGURE2 = Experiment(
+    "figure2",
+    "Figure 2: clusterer error",
+    Settings(),
+    trial,
+    draw,
+    tell,
+    quick=QUICK,
+    rows=rows,
+)

@@ -5,6 +5,7 @@ Neural Gas from 13,100 presented five times), then, with the situations fixed, t
 the whole drive. 30 nodes, vigilance 0.8, reactive behaviour.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -21,10 +22,17 @@ from macor_hil.experiments.drives.course import (
     trial_as_json,
     trial_from_json,
 )
-from macor_hil.experiments.drives.training_drive import SECTION_31, Drive, Recording, Recordings
+from macor_hil.experiments.drives.training_drive import (
+    QUICK_DRIVE,
+    SECTION_31,
+    Drive,
+    Recording,
+    Recordings,
+)
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import estimate, order
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.brain import Brain
@@ -247,9 +255,26 @@ def differences(settings: Settings) -> str:
     )
 
 
-def make(name: str, title: str, settings: Settings, tell: Any) -> Experiment:
+def rows(_: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each trial."""
+    for seed, result in results.items():
+        for place in ("start", "anywhere"):
+            for system, trials in result[place].items():
+                where: Row = {"starts": place, "seed": seed, "system": system}
+                yield from trial_rows(map(trial_from_json, trials), where)
+
+
+def make(name: str, title: str, settings: Settings, tell: Any, quick: Settings) -> Experiment:
     """Return an experiment of this kind."""
-    return Experiment(name, title, settings, trial, draw, tell)
+    return Experiment(name, title, settings, trial, draw, tell, quick=quick, rows=rows)
 
 
-FIGURE3 = make("figure3", "Figure 3: reactive navigation, fully trained", Settings(), tell)
+QUICK: Final = Settings(
+    drive=QUICK_DRIVE,
+    art_inputs=1_000,
+    gas_inputs=1_500,
+    course=Course(trials=2),
+    elsewhere=Course(trials=2, anywhere=True),
+)
+
+FIGURE3 = make("figure3", "Figure 3: reactive navigation, fully trained", Settings(), tell, QUICK)

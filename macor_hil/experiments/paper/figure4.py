@@ -5,9 +5,10 @@ NG, the parameters learning radius and learning rate were again determined using
 All other experimental configuration is the same as before."
 """
 
+from dataclasses import replace
 from typing import Final
 
-from macor_hil.experiments.paper.figure3 import Settings, differences, make, side_by_side
+from macor_hil.experiments.paper.figure3 import QUICK, Settings, differences, make, side_by_side
 from macor_hil.experiments.report.elements import Element, Text
 from macor_hil.experiments.results.store import Results
 
@@ -27,4 +28,5 @@ FIGURE4 = make(
     "Figure 4: reactive navigation after 1,000 steps of sensory training",
     Settings(art_inputs=1_000, gas_inputs=1_000, gas_presentations=1, searched=1),
     tell,
+    replace(QUICK, art_inputs=200, gas_inputs=200, gas_presentations=1, searched=1),
 )

@@ -6,7 +6,7 @@ Q-learning has its own evaluations (equations 3 and 4). Beyond the paper: expect
 situations.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any, Final
@@ -33,10 +33,11 @@ from macor_hil.experiments.drives.systems import (
     Q,
     learn_all,
 )
-from macor_hil.experiments.drives.training_drive import Drive, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.drawing import draw_seeds, draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import Order, estimate, order
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.catalogue import make_planner
@@ -334,6 +335,17 @@ _DIFFERENCES: Final = (
     " would need about -1."
 )
 
+
+def rows(_: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each trial."""
+    for seed, result in results.items():
+        for system, trials in result["trials"].items():
+            where: Row = {"seed": seed, "system": system}
+            yield from trial_rows(map(trial_from_json, trials), where)
+
+
+QUICK: Final = Settings(drive=QUICK_DRIVE, course=Course(trials=3))
+
 TABLE1 = Experiment(
     "table1",
     "Table 1: reactive, anticipative and Q-learning systems",
@@ -341,6 +353,8 @@ TABLE1 = Experiment(
     trial,
     draw_table,
     tell_table,
+    quick=QUICK,
+    rows=rows,
 )
 FIGURE5 = Experiment(
     "figure5",
@@ -350,4 +364,5 @@ FIGURE5 = Experiment(
     draw_figure,
     tell_figure,
     results="table1",
+    quick=QUICK,
 )
