@@ -1,6 +1,6 @@
 """The systems of table 1 and those beyond the paper, all learned from one recording."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -61,24 +61,34 @@ class Learning:
     """The reinforcement of commands, not printed; from the table's means a step."""
 
 
-def learn_all(learning: Learning, recording: Recording) -> dict[str, System]:
-    """Learn all systems; they share one brain.
+def learn_all(
+    learning: Learning, recording: Recording, names: Sequence[str] = SYSTEMS
+) -> dict[str, System]:
+    """Learn systems; they share one brain.
 
     Situations and transitions are learned at the same time: the node of a frame is the one that
     it had when it was presented.
+
+    Args:
+        learning: settings.
+        recording: of a drive.
+        names: of the systems.
     """
     size = learning.nodes, len(COMMANDS)
-    memories: dict[str, Memory] = {
-        "transitions": SensorimotorMap(*size, learning.competence),
-        "q-learning": QMap(*size, learning.gamma),
-        "weak-q-learning": QMap(*size, 0.0),
-        "graded": graded_memory(learning, recording, situations_of(recording)),
+    makers: dict[str, Callable[[], Memory]] = {
+        "transitions": lambda: SensorimotorMap(*size, learning.competence),
+        "q-learning": lambda: QMap(*size, learning.gamma),
+        "weak-q-learning": lambda: QMap(*size, 0.0),
+        "graded": lambda: graded_memory(learning, recording, situations_of(recording)),
     }
+    planners = {name: _PLANNERS[name]() for name in names}
+    read = {planner.memory for planner in planners.values()}
+    memories = {name: make() for name, make in makers.items() if name in read}
     eyes = recording.brain.eyes
     art = FuzzyArt(eyes.size, learning.nodes, learning.vigilance, learning.alpha)
     brain = Brain(eyes, art, memories, learning.reinforcement)
     brain.relive(recording.seen())
-    return {name: System(brain, make()) for name, make in _PLANNERS.items()}
+    return {name: System(brain, planner) for name, planner in planners.items()}
 
 
 def learn_foresight(brain: Brain, recording: Recording) -> System:

@@ -80,6 +80,20 @@ def sign_flip_p(differences: Sequence[float]) -> float:
     return float(np.mean(sums >= d.sum() - 1e-9 * np.abs(d).sum()))
 
 
+def holm(p: Sequence[float], level: float = 1 - LEVEL) -> list[bool]:
+    """Return which of several tests hold together, by Holm's step-down correction.
+
+    With it the probability that any of them is wrong stays below the level. Source: S. Holm, "A
+    simple sequentially rejective multiple test procedure", 1979.
+    """
+    held = [False] * len(p)
+    for left, place in zip(range(len(p), 0, -1), np.argsort(p, kind="stable"), strict=True):
+        if p[place] > level / left:
+            break
+        held[place] = True
+    return held
+
+
 @dataclass(frozen=True, slots=True)
 class Order:
     """A test of one system against another, paired by training seed.
