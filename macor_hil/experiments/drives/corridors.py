@@ -9,7 +9,7 @@ from macor_hil.files import write_atomically
 
 _THICK: Final = 0.01
 _END: Final = 1.0
-"""Where the middle of the part after the curve is, along the part before it, in metres."""
+"""Place of the middle of the part after the curve, along the part before it, in metres."""
 
 _TEXT: Final = Template("""\
 # The corridor's curve, $width m wide; the robot starts $distance m before the end wall.

@@ -1,4 +1,4 @@
-"""Where the paper's numbers lie among trainings: it prints ten trials of a single one."""
+"""Places of the paper's numbers among trainings: it prints ten trials of a single one."""
 
 from collections.abc import Sequence
 from math import sqrt

@@ -38,7 +38,7 @@ from macor_hil.experiments.paper.criteria import (
 from macor_hil.experiments.paper.placing import DEFINITION, placing_table
 from macor_hil.experiments.report.drawing import draw_seeds
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
-from macor_hil.experiments.report.statistics import Order, estimate, order
+from macor_hil.experiments.report.statistics import Order, estimate, order, too_few
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.catalogue import make_planner
 from macor_hil.mind.reinforcement import Reinforcement
@@ -131,7 +131,7 @@ def with_planners(table: Experiment, planners: Sequence[str]) -> Experiment:
 
 
 CLAIMS: Final = ((ANTICIPATIVE, Q), (Q, REACTIVE))
-"""What the table claims: the first system of each pair is better than the second."""
+"""The claims of the table: the first system of each pair is better than the second."""
 
 
 def orders(results: Results, criterion: str) -> dict[str, Order]:
@@ -193,15 +193,13 @@ def _claim(settings: Settings, results: Results) -> str:
     """Return a sentence: whether the table's claim holds here, and under what conditions."""
     drive = settings.drive
     other = under_variant(results)
-    said = (
+    return (
         f"The table's claim, {ANTICIPATIVE} over {Q} over {REACTIVE}, {_held(results)} with a"
         f" {_earns(settings.reinforcement)} and {_held(other)} with a {_earns(settings.variant)},"
         f" in {len(results)} trainings of {drive.random + drive.reactive:,} commands in the arena"
         f" {drive.arena}, with {settings.nodes} nodes and vigilance {settings.vigilance:g}."
+        f"{too_few(len(results))}"
     )
-    if len(results) < _ENOUGH:
-        said += f" With {len(results)} seeds the test cannot reach p < 0.05 whatever happens."
-    return said
 
 
 def _held(results: Results) -> str:
@@ -220,7 +218,6 @@ def _held(results: Results) -> str:
 
 
 _CLAIMED: Final = tuple(f"{a} over {b}" for a, b in CLAIMS)
-_ENOUGH: Final = 5
 
 
 def _scope(settings: Settings, results: Results) -> str:

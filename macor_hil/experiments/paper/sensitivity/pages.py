@@ -19,7 +19,7 @@ from macor_hil.experiments.paper.sensitivity.outcomes import (
 )
 from macor_hil.experiments.paper.sensitivity.points import Axis, Grid, Point, Settings
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
-from macor_hil.experiments.report.statistics import Order, holm
+from macor_hil.experiments.report.statistics import Order, holm, too_few
 from macor_hil.experiments.results.store import Results
 
 Values = tuple[str, ...]
@@ -100,8 +100,8 @@ def tell(settings: Settings, results: Results) -> list[Element]:
     """Report where the paper's orderings hold, and what comes out at every point."""
     found = outcomes(results)
     blocks: list[Element] = [
-        Text(_claim(settings, found)),
-        Text(_reinforcement(settings, found)),
+        Text(f"{_claim(settings, found)}{too_few(len(results))}"),
+        Text(f"{_reinforcement(settings, found)}{too_few(len(results), len(found))}"),
         Text(_scope(settings, results)),
     ]
     for grid in settings.grids:
@@ -169,8 +169,8 @@ def _reinforcement(settings: Settings, found: Map) -> str:
     sure = [point for point in sure if tests[point].holds]
     if not held:
         return (
-            f"{Q} over {REACTIVE} in reinforcement, the half that table 1 does not show here, is"
-            f" shown in none of {len(tests)} settings."
+            f"{Q} over {REACTIVE} in reinforcement is shown in none of {len(tests)} settings, each"
+            " by itself at 5 %."
         )
     rest = f"in {len(sure)}: {_list(sure, settings.base)}" if sure else "in none"
     return (

@@ -99,7 +99,7 @@ class Settings:
         Grid(Axis("vigilance", (0.7, 0.8, 0.9, 0.95)), Axis("nodes", (20, 30, 50, 100))),
         Grid(Axis("width", (0.18, 0.25, 0.32)), Axis("distance", (0.195, 0.3, 0.4))),
     )
-    """What is varied by twos."""
+    """Fields that are varied by twos."""
     lines: tuple[Axis, ...] = (
         Axis("commands", (1_000, 3_000, 6_000, 13_000)),
         Axis("w_max", (0.8, 0.9, 0.95, 0.99)),
@@ -108,8 +108,8 @@ class Settings:
         Axis("turn", (0.46, 0.54, 0.62)),
         Axis("collision", (-2.0, -1.0, 0.0)),
     )
-    """What is varied alone."""
-    course: Course = field(default_factory=lambda: Course(trials=4))
+    """Fields that are varied alone."""
+    course: Course = field(default_factory=lambda: Course(trials=3))
     """Trials of each system at each point; the arena is the point's corridor."""
 
     @property
