@@ -94,9 +94,8 @@ def test_the_first_sentence_tells_whether_the_claim_holds() -> None:
     said = first_sentence(results_of({ANTICIPATIVE: 20, Q: 12}))
     assert said == (
         "The table's claim, anticipative over q-learning over reactive, holds in length and"
-        " reinforcement with a collision at 0 and holds in length and reinforcement with a"
-        " collision at -1, in 6 trainings of 13,000 commands in the arena corridor, with 50 nodes"
-        " and vigilance 0.9"
+        " reinforcement with a collision at 0 and at -1 alike, in 6 trainings of 13,000 commands in"
+        " the arena corridor, with 50 nodes and vigilance 0.9"
     )
 
 
@@ -111,7 +110,7 @@ def test_the_first_sentence_names_what_is_not_shown() -> None:
         "holds in length but not in reinforcement (not shown: q-learning over reactive) with a"
         " collision at 0 and does not hold, neither in length (not shown: anticipative over"
         " q-learning) nor in reinforcement (not shown: anticipative over q-learning; q-learning"
-        " over reactive), with a collision at -1"
+        " over reactive), at -1, in 6"
     ) in said
     few = TABLE1.tell(TABLE1.settings, {1: results[1]})[0]
     assert isinstance(few, Text)

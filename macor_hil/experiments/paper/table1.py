@@ -61,11 +61,15 @@ class Settings(Learning):
         return (self.course.arena,)
 
 
+VARIED: Final = (REACTIVE, ANTICIPATIVE, Q)
+"""The paper's systems, which drive under both reinforcements."""
+
+
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn all systems from the drive of a seed, and drive their trials."""
     recording = recordings[seed]
     systems = learn_all(settings, recording)
-    others = learn_all(replace(settings, reinforcement=settings.variant), recording, tuple(PAPER))
+    others = learn_all(replace(settings, reinforcement=settings.variant), recording, VARIED)
     with on_course(settings.course, seed, settings.drive.drift) as track:
         return {
             "outline": track.outline().model_dump(mode="json"),
@@ -192,10 +196,12 @@ def _earns(reinforcement: Reinforcement) -> str:
 def _claim(settings: Settings, results: Results) -> str:
     """Return a sentence: whether the table's claim holds here, and under what conditions."""
     drive = settings.drive
-    other = under_variant(results)
+    usual, other = _held(results), _held(under_variant(results))
+    at = settings.variant.collision
+    outcome = f"{usual} with a {_earns(settings.reinforcement)}"
+    outcome += f" and at {at:g} alike" if usual == other else f" and {other} at {at:g}"
     return (
-        f"The table's claim, {ANTICIPATIVE} over {Q} over {REACTIVE}, {_held(results)} with a"
-        f" {_earns(settings.reinforcement)} and {_held(other)} with a {_earns(settings.variant)},"
+        f"The table's claim, {ANTICIPATIVE} over {Q} over {REACTIVE}, {outcome},"
         f" in {len(results)} trainings of {drive.random + drive.reactive:,} commands in the arena"
         f" {drive.arena}, with {settings.nodes} nodes and vigilance {settings.vigilance:g}."
         f"{too_few(len(results))}"
