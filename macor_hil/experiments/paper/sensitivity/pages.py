@@ -129,7 +129,10 @@ def _table(heads: Sequence[str], points: Mapping[Values, Point], found: Map) -> 
         (*values, *(_cell(found[point][name]) for name in SYSTEMS), *_test(tests[point]))
         for values, point in points.items()
     )
-    title = "Length, mean over seeds (95 % bootstrap interval), and trials that collided"
+    title = (
+        f"By {' and '.join(heads)}: length, mean over seeds (95 % bootstrap interval), and trials"
+        " that collided"
+    )
     return Table(title, (*heads, *SYSTEMS, f"{Q} over {REACTIVE} in r", "p"), rows)
 
 
