@@ -52,7 +52,7 @@ def test_the_ablation_drives_every_system_in_every_arena(recordings: Recordings)
         place: trial_from_json(trials[GRADED][0]).length
         for place, trials in result["trials"].items()
     }
-    assert f"drive {lengths['corridor']:.2f} of 2 commands" in verdict
+    assert f"graded drives {lengths['corridor']:.2f} of 2 commands" in verdict
     assert f"at least {lengths['s-curve']:.2f} of 3 commands" in verdict
 
 
