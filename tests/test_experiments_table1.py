@@ -107,10 +107,10 @@ def test_the_first_sentence_names_what_is_not_shown() -> None:
         result["variant"] = {**result["variant"], Q: poor, ANTICIPATIVE: poor}
     said = first_sentence(results)
     assert (
-        "holds in length but not in reinforcement (not shown: q-learning over reactive) with a"
-        " collision at 0 and does not hold, neither in length (not shown: anticipative over"
-        " q-learning) nor in reinforcement (not shown: anticipative over q-learning; q-learning"
-        " over reactive), at -1, in 6"
+        "holds in length but is not shown in reinforcement (missing: q-learning over reactive) with"
+        " a collision at 0 and is shown neither in length (missing: anticipative over q-learning)"
+        " nor in reinforcement (missing: anticipative over q-learning; q-learning over reactive) at"
+        " -1, in 6"
     ) in said
     few = TABLE1.tell(TABLE1.settings, {1: results[1]})[0]
     assert isinstance(few, Text)

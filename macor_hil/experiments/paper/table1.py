@@ -216,11 +216,11 @@ def _held(results: Results) -> str:
     }
     held = [label for label, names in missing.items() if not names]
     lacking = [
-        f"in {label} (not shown: {'; '.join(names)})" for label, names in missing.items() if names
+        f"in {label} (missing: {'; '.join(names)})" for label, names in missing.items() if names
     ]
     if not held:
-        return f"does not hold, neither {' nor '.join(lacking)},"
-    return f"holds in {' and '.join(held)}" + "".join(f" but not {part}" for part in lacking)
+        return f"is shown neither {' nor '.join(lacking)}"
+    return f"holds in {' and '.join(held)}" + "".join(f" but is not shown {x}" for x in lacking)
 
 
 _CLAIMED: Final = tuple(f"{a} over {b}" for a, b in CLAIMS)
