@@ -1,10 +1,10 @@
 """Beyond the paper: what each change to the planner gives, where it was trained and where not.
 
 The same trainings as in table 1. From the paper's wave, which takes the best outcome that ever
-occurred, over outcomes weighed by their counts, to graded situations on Fuzzy ART's nodes, on as
-many prototypes placed by k-means, and to experience that counts as its mirror image, too; each in
-the corridor that it was trained in, from the start and from anywhere, and in arenas that it has
-never seen.
+occurred, over outcomes weighed by their counts (`expected`), to graded situations on Fuzzy ART's
+nodes, on as many prototypes placed by k-means, and to experience that counts as its mirror image,
+too (`graded`); each in the corridor that it was trained in, from the start and from anywhere, and
+in arenas that it has never seen.
 """
 
 from collections.abc import Iterator
@@ -108,7 +108,7 @@ class _Boxes:
 
 
 def _steps_to(graded: System, settings: Settings, recording: Recording) -> dict[str, System]:
-    """Return the steps from expected value to the graded system, one change at a time."""
+    """Return the steps from `expected` to `graded`, one change at a time."""
     art = graded.brain.clusterer
     assert isinstance(art, FuzzyArt)
     changed = {ON_NODES: _Boxes(art), PLACED: situations_of(recording)}
@@ -204,7 +204,7 @@ def _verdict(settings: Settings, results: Results) -> str:
         )
 
     home = settings.courses[0]
-    said = f"Graded situations drive {driven(home)} where they were trained"
+    said = f"{GRADED} drives {driven(home)} where it was trained"
     away = [course for course in settings.courses if course.arena != home.arena]
     if away:
         least = min(away, key=part)

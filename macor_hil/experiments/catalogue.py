@@ -15,7 +15,9 @@ from macor_hil.experiments.paper import table1
 from macor_hil.experiments.paper.figure2 import FIGURE2
 from macor_hil.experiments.paper.figure3 import FIGURE3
 from macor_hil.experiments.paper.figure4 import FIGURE4
-from macor_hil.experiments.paper.table1 import FIGURE5, TABLE1
+from macor_hil.experiments.paper.figure5 import FIGURE5
+from macor_hil.experiments.paper.sensitivity.experiment import SENSITIVITY
+from macor_hil.experiments.paper.table1 import TABLE1
 from macor_hil.experiments.peers import PEERS
 from macor_hil.experiments.suite.amounts import AMOUNTS
 from macor_hil.experiments.suite.arenas import ARENAS
@@ -26,6 +28,7 @@ EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     FIGURE4,
     TABLE1,
     FIGURE5,
+    SENSITIVITY,
     BEYOND,
     GOALS,
     DRIFT,

@@ -1,8 +1,8 @@
 """The systems of table 1 and those beyond the paper, all learned from one recording."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, Final
 
 import numpy as np
 from pydantic import Field
@@ -50,8 +50,12 @@ _PLANNERS: Final[Mapping[str, Callable[[], Planner]]] = {
     WEAK: WeakQLearning,
     EXPECTED: Expected,
     GRADED: Graded,
+    FITTED_Q: FittedQ,
+    SUCCESSOR: Successor,
+    FORESIGHT: Foresight,
 }
-SYSTEMS: Final = tuple(_PLANNERS)
+SYSTEMS: Final = (REACTIVE, ANTICIPATIVE, Q, WEAK, EXPECTED, GRADED)
+"""Those of table 1."""
 
 _PLACING: Final = 400
 """Frames that prototypes are placed in where their number is not that of the recording's."""
@@ -75,31 +79,10 @@ class Learning:
     """The reinforcement of commands, not printed; from the table's means a step."""
 
 
-class _Other(NamedTuple):
-    """A system that is not one of table 1."""
-
-    planner: Callable[[], Planner]
-    memory: Callable[[Learning, Eyes], Memory]
-
-
-_OTHERS: Final[Mapping[str, _Other]] = {
-    FITTED_Q: _Other(
-        FittedQ, lambda learning, eyes: FittedQMemory(len(COMMANDS), eyes.size, learning.gamma)
-    ),
-    SUCCESSOR: _Other(
-        Successor, lambda learning, _: SuccessorMap(learning.nodes, len(COMMANDS), learning.gamma)
-    ),
-    FORESIGHT: _Other(
-        Foresight,
-        lambda _, eyes: ForesightMemory(eyes.directions if isinstance(eyes, FloorSeeing) else 0),
-    ),
-}
-
-
 def learn_all(
-    learning: Learning, recording: Recording, others: Iterable[str] = ()
+    learning: Learning, recording: Recording, names: Sequence[str] = SYSTEMS
 ) -> dict[str, System]:
-    """Learn all systems; they share one brain.
+    """Learn systems; they share one brain.
 
     Situations and transitions are learned at the same time: the node of a frame is the one that
     it had when it was presented.
@@ -107,20 +90,14 @@ def learn_all(
     Args:
         learning: settings of all of them.
         recording: the drive that they learn from.
-        others: names of systems beyond those of table 1 that learn, too.
+        names: of the systems.
     """
-    size = learning.nodes, len(COMMANDS)
-    memories: dict[str, Memory] = {
-        "transitions": SensorimotorMap(*size, learning.competence),
-        "q-learning": QMap(*size, learning.gamma),
-        "weak-q-learning": QMap(*size, 0.0),
-        "graded": graded_memory(learning, recording, situations_of(recording)),
-    }
-    eyes = recording.brain.eyes
-    planners = {**_PLANNERS, **{name: _OTHERS[name].planner for name in others}}
-    memories |= {name: _OTHERS[name].memory(learning, eyes) for name in others}
+    planners = {name: _PLANNERS[name]() for name in names}
+    makers = _memories(learning, recording)
+    read = {planner.memory for planner in planners.values()}
+    memories = {name: make() for name, make in makers.items() if name in read}
     brain = _learned(learning, recording, memories)
-    return {name: System(brain, make()) for name, make in planners.items()}
+    return {name: System(brain, planner) for name, planner in planners.items()}
 
 
 def learn_situations(
@@ -149,7 +126,7 @@ def learn_situations(
 
 def learn_foresight(learning: Learning, recording: Recording) -> System:
     """Learn the foresight system alone, which needs no situations."""
-    memory = _OTHERS[FORESIGHT].memory(learning, recording.brain.eyes)
+    memory = ForesightMemory(_directions(recording.brain.eyes))
     earns = learning.reinforcement
     brain = replace(recording.brain, memories={FORESIGHT: memory}, reinforcement=earns)
     brain.relive(recording.seen(), situations=False)
@@ -163,6 +140,24 @@ def _learned(learning: Learning, recording: Recording, memories: Mapping[str, Me
     brain = Brain(eyes, art, memories, learning.reinforcement)
     brain.relive(recording.seen())
     return brain
+
+
+def _memories(learning: Learning, recording: Recording) -> dict[str, Callable[[], Memory]]:
+    """Return what makes each memory, empty, by its name."""
+    size, eyes = (learning.nodes, len(COMMANDS)), recording.brain.eyes
+    return {
+        "transitions": lambda: SensorimotorMap(*size, learning.competence),
+        "q-learning": lambda: QMap(*size, learning.gamma),
+        "weak-q-learning": lambda: QMap(*size, 0.0),
+        "graded": lambda: graded_memory(learning, recording, situations_of(recording)),
+        "fitted-q": lambda: FittedQMemory(len(COMMANDS), eyes.size, learning.gamma),
+        "successor": lambda: SuccessorMap(*size, learning.gamma),
+        "foresight": lambda: ForesightMemory(_directions(eyes)),
+    }
+
+
+def _directions(eyes: Eyes) -> int:
+    return eyes.directions if isinstance(eyes, FloorSeeing) else 0
 
 
 def situations_of(recording: Recording) -> GradedSituations:

@@ -155,7 +155,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
 
 
 def _systems(settings: Settings, recording: Recording) -> dict[str, System]:
-    systems = learn_all(settings, recording, (SUCCESSOR, FITTED_Q, FORESIGHT))
+    systems = learn_all(settings, recording, [name for name in SYSTEMS if name != RANDOM])
     systems[RANDOM] = System(systems[REACTIVE].brain, Aimless())
     return {name: systems[name] for name in SYSTEMS}
 
