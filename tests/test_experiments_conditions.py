@@ -10,8 +10,8 @@ import pytest
 from khepera_protocol.zenoh.payloads import Pose, Reset, Truth
 
 from khepera_emulator.arenas.arena import load_arena
-from macor_hil.commands import COMMANDS
-from macor_hil.experiments.drives.course import Course
+from macor_hil.commands import COMMANDS, FIRST_COMMAND
+from macor_hil.experiments.drives.course import Course, System
 from macor_hil.experiments.drives.halls import LONG_CORRIDOR, WIDE_HALL
 from macor_hil.experiments.drives.path_drive import PathDrive
 from macor_hil.experiments.drives.training_drive import PUT_DOWN, Drive, Recording, Recordings
@@ -23,7 +23,14 @@ from macor_hil.experiments.paper.avoidance import (
     figure4_claim,
 )
 from macor_hil.experiments.paper.both_clusterers import reactive_system, trained_art
-from macor_hil.experiments.paper.conditions import ALL_CONDITIONS, CONDITIONS, NEAR, Condition
+from macor_hil.experiments.paper.conditions import (
+    ALL_CONDITIONS,
+    CONDITIONS,
+    NEAR,
+    Condition,
+    StraightOn,
+    heeded,
+)
 from macor_hil.experiments.paper.figure2 import FIGURE2
 from macor_hil.experiments.paper.figure3 import FIGURE3
 from macor_hil.experiments.paper.figure4 import FIGURE4
@@ -33,7 +40,9 @@ from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.hardware.bench import PortBench
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.clusterers.neural_gas import Breadth
+from macor_hil.mind.experience import Moment
 from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
+from macor_hil.mind.planners.planner import Plan
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.trials import Trial
@@ -60,7 +69,7 @@ def test_a_hall_is_an_arena_longer_than_a_trial(tmp_path: Path, hall: object) ->
 
 
 def resets(drive: Drive, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[int, Recording]:
-    """How often the robot is put down in a drive, and its recording."""
+    """Number of times that the robot is put down in a drive, and its recording."""
     asked = []
     reset = PortBench.reset
 
@@ -191,6 +200,25 @@ def test_every_condition_is_driven_with_both_clusterers(report: Path) -> None:
     assert "| as it is | no: neither avoids | no: neither avoids |" in text
 
 
+def test_a_system_heeds_what_it_would_have_turned_away_from(recordings: Recordings) -> None:
+    recording = recordings[1]
+    art = trained_art(recording.inputs, 6, 0.8, 0.001)
+    system = reactive_system(recording, art, 6, Competence(), NEAR)
+    hits = recording.collided & (recording.commands == FIRST_COMMAND)
+    assert hits.any()
+    assert heeded(System(system.brain, StraightOn()), recording) == 0.0
+    assert heeded(System(system.brain, Turning()), recording) == 1.0
+    without = replace(recording, collided=np.zeros_like(recording.collided))
+    assert heeded(System(system.brain, Turning()), without) == 0.0
+
+
+class Turning(StraightOn):
+    """Always turns left."""
+
+    def plan(self, _memory: object, _now: Moment) -> Plan:
+        return Plan((None,) * len(COMMANDS), 0)
+
+
 def test_conditions_differ_from_the_first_in_what_they_name() -> None:
     first, *others = ALL_CONDITIONS
     assert first == Condition("as figures 3 and 4")
@@ -225,7 +253,12 @@ def avoiding(*conditions: str) -> Results:
             for each in ALL_CONDITIONS
         }
         places = ("corridor", "long corridor", "wide hall")
-        results[seed] = {"straight": dict.fromkeys(places, bad), "driven": cases}
+        heeded = {key: {"Fuzzy ART": 0.25, "Neural Gas": 0.5} for key in ("early", "full")}
+        results[seed] = {
+            "straight": dict.fromkeys(places, bad),
+            "driven": cases,
+            "heeded": dict.fromkeys(cases, heeded),
+        }
     return results
 
 
@@ -249,11 +282,12 @@ def test_the_first_sentence_tells_under_which_conditions_the_claims_hold() -> No
 def test_the_table_has_a_row_for_each_condition() -> None:
     path = ALL_CONDITIONS[1].name
     tables = [e for e in CONDITIONS.tell(CONDITIONS.settings, avoiding(path)) if type(e) is Table]
-    claims, early, full = tables
+    claims, early, full, heeded = tables
     assert len(claims.rows) == len(early.rows) == len(full.rows) == len(ALL_CONDITIONS)
     assert claims.rows[0] == ("as figures 3 and 4", *["no: neither avoids"] * 2)
     only = "only Fuzzy ART avoids"
     assert claims.rows[1] == (path, f"no: {only}", f"yes: {only}")
+    assert heeded.rows[1] == (path, "25 %", "50 %", "25 %", "50 %")
     assert early.rows[1][4:] == ("31.50 (31.50 to 31.50)", "0.031")
 
 

@@ -27,7 +27,7 @@ from macor_hil.experiments.drives.course import (
 )
 from macor_hil.experiments.drives.halls import LONG_CORRIDOR, WIDE_HALL, Hall
 from macor_hil.experiments.drives.path_drive import PathDrive
-from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.drives.training_drive import PUT_DOWN, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment, Row
 from macor_hil.experiments.paper.avoidance import (
     HALF,
@@ -48,6 +48,7 @@ from macor_hil.experiments.paper.both_clusterers import (
 from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.results.store import Result, Results
+from macor_hil.mind.catalogue import memory_for
 from macor_hil.mind.clusterers.clusterer import Clusterer
 from macor_hil.mind.clusterers.neural_gas import Breadth
 from macor_hil.mind.experience import Moment
@@ -71,7 +72,7 @@ class Condition:
     hall: Hall | None = None
     """Arena of drive and trials; None: the arena of the default drive."""
     path: bool = False
-    """Whether the robot drives back after a collision instead of being put down anywhere."""
+    """True: the robot drives back after a collision and is not put down anywhere."""
     nodes: int = 30
     """n of both clusterers."""
     vigilance: float = 0.8
@@ -79,9 +80,9 @@ class Condition:
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
     """What commands earn."""
     shuffled: bool = False
-    """Whether frames are presented in random order."""
+    """True: frames are presented in random order."""
     means: bool = False
-    """Whether the reactive system takes the mean of a command's outcomes, not the best one."""
+    """True: the reactive system takes the mean of a command's outcomes, not the best one."""
 
 
 ALL_CONDITIONS: Final = (
@@ -99,6 +100,9 @@ ALL_CONDITIONS: Final = (
     Condition("mean outcomes, (b, e) long corridor", LONG_CORRIDOR, reinforcement=NEAR, means=True),
     Condition("mean outcomes, (b, c, e) wide hall", WIDE_HALL, reinforcement=NEAR, means=True),
 )
+
+SLOW: Final = ("(b, e) long corridor, near rewards", "mean outcomes, (b, c, e) wide hall")
+"""Conditions that the quick form leaves out."""
 
 
 @dataclass(frozen=True)
@@ -138,9 +142,10 @@ class Settings:
 
 QUICK: Final = Settings(
     drive=Drive(random=2_000),
-    own=2_000,
+    own=1_200,
+    conditions=tuple(each for each in ALL_CONDITIONS if each.name not in SLOW),
     searched=5,
-    course=Course(anywhere=True, trials=8),
+    course=Course(anywhere=True, trials=6),
 )
 
 EARLY: Final = "early"
@@ -161,7 +166,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn and drive both clusterers in every condition."""
     folder = recordings.folder.parent
     files = folder.parent / "arenas"
-    result: Result = {"outlines": {}, "straight": {}, "driven": {}}
+    result: Result = {"outlines": {}, "straight": {}, "driven": {}, "heeded": {}}
     for condition in settings.conditions:
         drive = _drive(settings, condition, files)
         recording = Recordings(folder, drive)[seed]
@@ -170,15 +175,20 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
             for steps in (EARLY, FULL)
             for name, system in _systems(settings, condition, steps, recording, seed).items()
         }
+        shares: dict[str, dict[str, float]] = {EARLY: {}, FULL: {}}
+        for (steps, name), system in systems.items():
+            shares[steps][name] = round(heeded(system, recording), 4)
+        result["heeded"][condition.name] = shares
         where = _where(settings, condition)
         with on_course(replace(settings.course, arena=drive.arena), seed, drive.drift) as track:
             if where not in result["straight"]:
                 result["outlines"][where] = track.outline().model_dump(mode="json")
                 straight = System(systems[FULL, ART].brain, StraightOn())
                 result["straight"][where] = [trial_as_json(t) for t in track.drive(straight, seed)]
-            driven = result["driven"][condition.name] = {EARLY: {}, FULL: {}}
+            driven: dict[str, dict[str, Any]] = {EARLY: {}, FULL: {}}
             for (steps, name), system in systems.items():
                 driven[steps][name] = [trial_as_json(t) for t in track.drive(system, seed)]
+        result["driven"][condition.name] = driven
     return result
 
 
@@ -218,6 +228,19 @@ def _systems(
         )
         for name, each in clusterers.items()
     }
+
+
+def heeded(system: System, recording: Recording) -> float:
+    """Return the share of a drive's collisions straight ahead before which a system would turn."""
+    hits = np.flatnonzero(recording.collided & (recording.commands == FIRST_COMMAND))
+    memory = memory_for(system.brain, system.planner)
+    turned = 0
+    for before in hits - 1:
+        led = int(recording.commands[before])
+        led = FIRST_COMMAND if led == PUT_DOWN else led
+        now = system.brain.perceive(recording.raw[before], led, learn=False)
+        turned += system.planner.plan(memory, now).command not in (None, FIRST_COMMAND)
+    return turned / max(1, len(hits))
 
 
 def _trials(results: Results, condition: Condition, steps: str, name: str) -> list[list[Trial]]:
@@ -332,6 +355,7 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             tuple((one.condition.name, _cell(one.figure3), _cell(one.figure4)) for one in tested),
         ),
         *(_numbers(f"Trials {what[k]} of sensory training", tested, k) for k in (EARLY, FULL)),
+        _heeding(settings, results, what),
         Picture(
             "trajectories",
             f"Seed {next(iter(results))}, the trial of the greatest difference, under the condition"
@@ -377,6 +401,24 @@ def _numbers(title: str, tested: list[_Tested], steps: str) -> Table:
         lines.append((one.condition.name, *map(_summary, (one.straight, art, gas)), *cells))
     head = ("condition", "straight on", ART, GAS, "Fuzzy ART longer by", "p")
     return Table(f"{title}: mean length; collided; turns", head, tuple(lines))
+
+
+def _heeding(settings: Settings, results: Results, what: Mapping[str, str]) -> Table:
+    """Return how often each system would have turned where the training drive did not."""
+
+    def cell(condition: Condition, steps: str, name: str) -> str:
+        values = [result["heeded"][condition.name][steps][name] for result in results.values()]
+        return f"{100 * np.mean(values):.0f} %"
+
+    columns = [(steps, name) for steps in (EARLY, FULL) for name in (ART, GAS)]
+    return Table(
+        "Share of the training drive's collisions straight ahead before which a system would turn",
+        ("condition", *(f"{name}, {what[steps]}" for steps, name in columns)),
+        tuple(
+            (each.name, *(cell(each, *column) for column in columns))
+            for each in settings.conditions
+        ),
+    )
 
 
 def _summary(system: Behaviour) -> str:
