@@ -437,7 +437,7 @@ CONDITIONS: Final = Experiment(
     trial,
     draw,
     tell,
-    most_seeds=5,
+    most_seeds=10,
     quick=QUICK,
     rows=rows,
 )
