@@ -344,6 +344,7 @@ OURS = ("khepera_protocol", "khepera_emulator", "macor_hil")
 
 REPORTS = {
     "macor_hil.experiments.experiment",
+    "macor_hil.experiments.paper.avoidance",
     "macor_hil.experiments.report",
     "macor_hil.experiments.report.elements",
     "macor_hil.experiments.report.drawing",

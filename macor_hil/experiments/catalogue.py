@@ -12,6 +12,7 @@ from macor_hil.experiments.drift import DRIFT
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.goals import GOALS
 from macor_hil.experiments.paper import table1
+from macor_hil.experiments.paper.conditions import CONDITIONS
 from macor_hil.experiments.paper.figure2 import FIGURE2
 from macor_hil.experiments.paper.figure3 import FIGURE3
 from macor_hil.experiments.paper.figure4 import FIGURE4
@@ -26,6 +27,7 @@ EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     FIGURE2,
     FIGURE3,
     FIGURE4,
+    CONDITIONS,
     TABLE1,
     FIGURE5,
     SENSITIVITY,

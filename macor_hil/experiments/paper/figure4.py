@@ -8,7 +8,16 @@ All other experimental configuration is the same as before."
 from dataclasses import replace
 from typing import Final
 
-from macor_hil.experiments.paper.figure3 import QUICK, Settings, differences, make, side_by_side
+from macor_hil.experiments.paper.avoidance import figure4_claim
+from macor_hil.experiments.paper.figure3 import (
+    QUICK,
+    Settings,
+    both_behaviours,
+    differences,
+    first_sentence,
+    make,
+    side_by_side,
+)
 from macor_hil.experiments.report.elements import Element, Text
 from macor_hil.experiments.results.store import Results
 
@@ -20,7 +29,13 @@ _CLAIM: Final = (
 
 def tell(settings: Settings, results: Results) -> list[Element]:
     """Report steps and behaviour side by side, with the paper's claim."""
-    return [*side_by_side(settings, results, {}), Text(_CLAIM), Text(differences(settings))]
+    claim = figure4_claim(*both_behaviours(settings, results))
+    return [
+        Text(first_sentence("figure 4", claim, settings, results)),
+        *side_by_side(settings, results, {}),
+        Text(_CLAIM),
+        Text(differences(settings)),
+    ]
 
 
 FIGURE4 = make(
