@@ -1,0 +1,67 @@
+"""Settings of the documentation site: `make docs`.
+
+The pages are those of `docs/`, as they are; the navigation is the list in `docs/README.md`.
+"""
+
+import re
+import shutil
+import tomllib
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+DOCS = Path(__file__).parent.parent
+METADATA = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]
+
+project = METADATA["name"]
+author = METADATA["authors"][0]["name"]
+copyright = author  # noqa: A001 (Sphinx asks for this name)
+release = version = METADATA["version"]
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+root_doc = "README"
+exclude_patterns = ["site"]
+myst_heading_anchors = 3
+
+autodoc_mock_imports = ["gymnasium", "pybullet"]
+autodoc_default_options = {"members": True, "member-order": "bysource", "show-inheritance": True}
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+default_role = "code"
+python_use_unqualified_type_names = True
+
+html_theme = "furo"
+html_title = f"{project} {release}"
+html_copy_source = False
+html_show_sphinx = False
+
+
+def navigation(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Turn the sections of the index into those of the sidebar."""
+    if docname == root_doc:
+        for section in re.split(r"^## ", source[0], flags=re.MULTILINE)[1:]:
+            pages = re.findall(r"\]\(([\w/-]+)\.md\)", section)
+            caption = section.splitlines()[0]
+            source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n"
+            source[0] += "\n".join(pages) + "\n```\n"
+
+
+def plain(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """Keep bars and stars of a docstring's formulas from being read as markup."""
+    lines[:] = [re.sub(r"\||\*(?=\w)", r"\\\g<0>", line) for line in lines]
+
+
+def front_page(app: Sphinx, exception: Exception | None) -> None:
+    """Give the site's folder a page that browsers and servers open."""
+    if exception is None:
+        shutil.copy(Path(app.outdir, "README.html"), Path(app.outdir, "index.html"))
+
+
+def setup(app: Sphinx) -> None:
+    """Connect to what Sphinx does."""
+    app.connect("source-read", navigation)
+    app.connect("autodoc-process-docstring", plain)
+    app.connect("build-finished", front_page)
