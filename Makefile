@@ -78,6 +78,9 @@ dist: $(RELEASE_READY)
 
 workflows: $(RELEASE_READY)
 	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
+	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
 	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
 	$(RELEASE_BIN)/zizmor --offline --quiet .github
 

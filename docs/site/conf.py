@@ -7,6 +7,7 @@ import re
 import shutil
 import tomllib
 from pathlib import Path
+from typing import Any
 
 from sphinx.application import Sphinx
 
@@ -39,7 +40,7 @@ html_copy_source = False
 html_show_sphinx = False
 
 
-def navigation(app: Sphinx, docname: str, source: list[str]) -> None:
+def navigation(_app: Sphinx, docname: str, source: list[str]) -> None:
     """Turn the sections of the index into those of the sidebar."""
     if docname == root_doc:
         for section in re.split(r"^## ", source[0], flags=re.MULTILINE)[1:]:
@@ -49,14 +50,15 @@ def navigation(app: Sphinx, docname: str, source: list[str]) -> None:
             source[0] += "\n".join(pages) + "\n```\n"
 
 
-def plain(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+def plain(*told: Any) -> None:
     """Keep bars and stars of a docstring's formulas from being read as markup."""
+    lines: list[str] = told[-1]
     lines[:] = [re.sub(r"\||\*(?=\w)", r"\\\g<0>", line) for line in lines]
 
 
 def front_page(app: Sphinx, exception: Exception | None) -> None:
     """Give the site's folder a page that browsers and servers open."""
-    if exception is None:
+    if exception is None and app.builder.format == "html":
         shutil.copy(Path(app.outdir, "README.html"), Path(app.outdir, "index.html"))
 
 
