@@ -177,7 +177,7 @@ def main() -> None:
     outline, shown = scenes(brain, memory.skill)
     frames = list(pictures(outline, shown, brain.eyes))
     # one palette for all, or colours flicker; without dithering, or noise makes the file large
-    palette = frames[len(frames) // 2].quantize(_COLOURS)
+    palette = frames[len(frames) // 2].quantize(_COLOURS, Pictures.Quantize.MAXCOVERAGE)
     first, *others = [each.quantize(palette=palette, dither=0) for each in frames]
     first.save(target, save_all=True, append_images=others, duration=_MILLISECONDS, loop=0)
     sys.stdout.write(f"{target}: {len(frames)} pictures, {target.stat().st_size / 1000:.0f} kB\n")
