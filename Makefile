@@ -15,11 +15,12 @@
 
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
 VENV := .venv
-BIN := $(VENV)/bin
+SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
+BIN := $(VENV)/$(SCRIPTS)
 READY := $(VENV)/ready
 # Sphinx and the dashboard want different versions of docutils: two environments.
 RELEASE_VENV := .venv-release
-RELEASE_BIN := $(RELEASE_VENV)/bin
+RELEASE_BIN := $(RELEASE_VENV)/$(SCRIPTS)
 RELEASE_READY := $(RELEASE_VENV)/ready
 
 # The site of a release is a folder of its own; others stay beside it.

@@ -1,6 +1,6 @@
 """Draws a robot that plans in the maze: python docs/moving_picture.py runs/corridor.npz FILE.gif.
 
-The map is one of the corridor: `make run` makes it. On the left is the floor plan with the
+The map is one of the corridor, as of `make run`. On the left is the floor plan with the
 way driven (white), places that hypothetical drives lead to, the brighter the likelier, and the best
 drive (red); on the right what the robot sees. What is hidden from
 it counts as floor. The drive is in virtual time, and the same for the same map.
@@ -20,7 +20,7 @@ from matplotlib.patches import Circle, Polygon
 from PIL import Image as Pictures
 
 from khepera_emulator.senses.camera import HEIGHT
-from macor_hil.arrays import Array, Image
+from macor_hil.arrays import Array, Image, Indices
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import MacorError
 from macor_hil.hardware.devices import open_hardware
@@ -34,7 +34,7 @@ from macor_hil.mind.map_file import load_map
 from macor_hil.mind.memories.foresight import ForesightMemory
 from macor_hil.mind.planners.foresight import Foresight
 from macor_hil.runs.agent import Agent
-from macor_hil.runs.trials import drive, fallback
+from macor_hil.runs.trials import drive
 
 PORT: Final = "khepera://maze?seed=5"
 SEED: Final = 5
@@ -78,7 +78,8 @@ def foresee(profile: Array, skill: Skill) -> Foreseen:
         clear = clearance(solid, stride.ways.reshape(-1, 2)).reshape(stride.ways.shape[:2])
         through = skill.curve.survival(clear, stride.before).prod(axis=0)
         chances.append(through.reshape(len(COMMANDS), -1))
-    value, choices = np.zeros(drives[-1].poses), []
+    value = np.zeros(drives[-1].poses)
+    choices: list[Indices] = []
     for stride, chance in zip(reversed(drives), reversed(chances), strict=True):
         earned = stride.commands * skill.earns[:, np.newaxis] + value[stride.ends]
         worth = chance * earned + (1 - chance) * skill.collision
@@ -107,7 +108,7 @@ def scenes(brain: Brain, skill: Skill) -> tuple[Outline, list[Scene]]:
         assert hardware.bench is not None
         pose = hardware.bench.reset(Reset(seed=SEED)).pose
         agent = Agent(brain, Driver(hardware.robot), hardware.camera)
-        for step in drive(agent, Foresight(), fallback(np.random.default_rng(SEED))):
+        for step in drive(agent, Foresight(), np.random.default_rng(SEED)):
             floor = step.before.moment.floor
             assert floor is not None
             foreseen, name = foresee(floor, skill), COMMANDS[step.command].name
@@ -119,7 +120,7 @@ def scenes(brain: Brain, skill: Skill) -> tuple[Outline, list[Scene]]:
 def pictures(outline: Outline, shown: list[Scene], eyes: PanoramaEyes) -> Iterator[Any]:
     """Draw one picture of each scene."""
     for number, scene in enumerate(shown):
-        figure = Figure(figsize=(8.4, 4.7), dpi=_DPI, layout="constrained")
+        figure: Any = Figure(figsize=(8.4, 4.7), dpi=_DPI, layout="constrained")
         shape = [["plan", "mirror"], ["plan", "panorama"]]
         axes = figure.subplot_mosaic(shape, width_ratios=[1.55, 1], height_ratios=[2.4, 1])
         _draw_plan(axes["plan"], outline, shown[: number + 1])
@@ -130,7 +131,7 @@ def pictures(outline: Outline, shown: list[Scene], eyes: PanoramaEyes) -> Iterat
         axes["panorama"].set_title("unwrapped: left, ahead, right", fontsize=12)
         for name in ("mirror", "panorama"):
             axes[name].axis("off")
-        canvas = FigureCanvasAgg(figure)
+        canvas: Any = FigureCanvasAgg(figure)
         canvas.draw()
         yield Pictures.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 

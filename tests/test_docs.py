@@ -208,7 +208,7 @@ def test_the_pages_of_the_site_build_without_warnings(tmp_path: Path) -> None:
     sphinx = ROOT / ".venv-release" / "bin" / "sphinx-build"
     if not sphinx.exists():
         pytest.skip("Sphinx is not installed; `make docs` installs it")
-    command = [sphinx, "-q", "-W", "--keep-going", "-b", "dummy", "-c", DOCS / "site"]
+    command = [str(sphinx), "-q", "-W", "--keep-going", "-b", "dummy", "-c", str(DOCS / "site")]
     command += ["-D", "exclude_patterns=site,api"]
     # pages link to the modules that are left out; that they are there is tested above
     command += ["-D", "suppress_warnings=myst.xref_missing,toc.excluded,toc.not_readable"]

@@ -46,7 +46,11 @@ NOT_THE_PROJECT = shutil.ignore_patterns(
     *("build", "dist", "runs"),
 )
 
-OF_THE_SOURCES = ("tests/test_protocol_framing.py", "tests/test_motors.py", "tests/test_fuzzy_art.py")
+OF_THE_SOURCES = (
+    "tests/test_protocol_framing.py",
+    "tests/test_motors.py",
+    "tests/test_fuzzy_art.py",
+)
 """Quick tests, one of each package, that an unpacked source distribution runs."""
 
 MAY_FAIL = {

@@ -33,11 +33,16 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 default_role = "code"
 python_use_unqualified_type_names = True
+add_module_names = False
 
 html_theme = "furo"
 html_title = f"{project} {release}"
 html_copy_source = False
 html_show_sphinx = False
+# a page that is opened as a file may not read others to show parts of them
+html_show_search_summary = False
+
+_BOUNDS = re.compile(r"Annotated\[([^,]+?), FieldInfo\(.*?\]\)\]")
 
 
 def navigation(_app: Sphinx, docname: str, source: list[str]) -> None:
@@ -56,6 +61,12 @@ def plain(*told: Any) -> None:
     lines[:] = [re.sub(r"\||\*(?=\w)", r"\\\g<0>", line) for line in lines]
 
 
+def without_bounds(*told: Any) -> tuple[str | None, str | None]:
+    """Show the type of an option alone: its bounds are long, and the command reference has them."""
+    signature, returned = told[-2:]
+    return signature and _BOUNDS.sub(r"\1", signature), returned
+
+
 def front_page(app: Sphinx, exception: Exception | None) -> None:
     """Give the site's folder a page that browsers and servers open."""
     if exception is None and app.builder.format == "html":
@@ -66,4 +77,5 @@ def setup(app: Sphinx) -> None:
     """Connect to what Sphinx does."""
     app.connect("source-read", navigation)
     app.connect("autodoc-process-docstring", plain)
+    app.connect("autodoc-process-signature", without_bounds)
     app.connect("build-finished", front_page)
