@@ -9,6 +9,7 @@
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
 #   make docs             the documentation site, in build/site/VERSION (a few minutes)
+#   make man              man pages of both programs and their commands, in build/man
 #   make dist             source distribution and wheel, built and checked, in dist
 #   make workflows        the forge's workflow files and forms, checked
 #   make stop-times       how long the robot rolls on when it must stop (an hour)
@@ -27,7 +28,7 @@ RELEASE_READY := $(RELEASE_VENV)/ready
 VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 SITE ?= build/site
 
-.PHONY: run test lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs dist workflows lock clean
+.PHONY: run test lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist workflows lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -71,6 +72,9 @@ docs: $(RELEASE_READY)
 	rm -rf $(SITE)/$(VERSION)
 	$(RELEASE_BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site \
 		-d build/doctrees -D version=$(VERSION) -D release=$(VERSION) docs $(SITE)/$(VERSION)
+
+man: $(READY)
+	$(BIN)/python docs/man.py build/man
 
 dist: $(RELEASE_READY)
 	rm -rf dist

@@ -222,6 +222,21 @@ def test_the_pages_of_the_site_build_without_warnings(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_man_pages_show_every_option_that_the_help_shows(tmp_path: Path) -> None:
+    command = [sys.executable, DOCS / "man.py", tmp_path]
+    subprocess.run(command, check=True, timeout=2 * PATIENCE, capture_output=True)
+    pages = {
+        page.stem: page.read_text("utf-8").replace("\\-", "-") for page in tmp_path.glob("*.1")
+    }
+    for part in (DOCS / "commands.md").read_text("utf-8").split("\n### ")[1:]:
+        name, _, text = part.partition("\n")
+        options = re.findall(r"^│ \*? *(--[a-z0-9-]+)", text.partition("\n## ")[0], re.MULTILINE)
+        assert options
+        page = pages.pop(name.replace(" ", "-"))
+        assert set(options) - {"--help"} <= set(re.findall(r"--[a-z0-9-]+", page))
+    assert set(pages) == set(APPS)
+
+
 def generated() -> dict[str, Callable[[], str]]:
     file = ROOT / "docs" / "generate.py"
     spec = not_none(importlib.util.spec_from_file_location("generate", file))
