@@ -223,7 +223,7 @@ def test_the_pages_of_the_site_build_without_warnings(tmp_path: Path) -> None:
 
 
 def test_man_pages_show_every_option_that_the_help_shows(tmp_path: Path) -> None:
-    command = [sys.executable, DOCS / "man.py", tmp_path]
+    command = [sys.executable, str(DOCS / "man.py"), str(tmp_path)]
     subprocess.run(command, check=True, timeout=2 * PATIENCE, capture_output=True)
     pages = {
         page.stem: page.read_text("utf-8").replace("\\-", "-") for page in tmp_path.glob("*.1")
