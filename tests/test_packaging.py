@@ -32,6 +32,7 @@ NEEDS = {
     "mcap": "recording",
     "mcap_protobuf": "recording",
     "nicegui": "dashboard",
+    "pandas": "analysis",
     "pybullet": "emulator",
     "rosbags": "ros",
     "xxhash": "ros",

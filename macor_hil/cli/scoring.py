@@ -237,7 +237,7 @@ def _how_to_go_on(out: Path) -> str:
 
 
 class _Count(MofNCompleteColumn):
-    """How much is done of how much; nothing where that is not known."""
+    """Parts that are done, of all; nothing where that is not known."""
 
     def render(self, task: Task) -> Text:
         """Return the text of a task."""
