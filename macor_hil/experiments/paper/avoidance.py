@@ -19,6 +19,9 @@ from macor_hil.runs.trials import Trial
 HALF: Final = 0.5
 """Share of collided trials below which a system is said to avoid collisions."""
 
+_BOTH: Final = "both are shown to avoid"
+_ONLY_ART: Final = "only Fuzzy ART is shown to avoid"
+
 
 @dataclass(frozen=True, slots=True)
 class Behaviour:
@@ -93,32 +96,32 @@ class Claim:
 
 def figure3_claim(art: Behaviour, gas: Behaviour, straight: Behaviour | None = None) -> Claim:
     """Test that both fully trained systems avoid collisions, Fuzzy ART with earlier turns."""
-    if (several := _who_avoids(art, gas, straight)) != "both avoid":
+    if (several := _who_avoids(art, gas, straight)) != _BOTH:
         return Claim(False, several)
     if not order(gas.before_turn, art.before_turn).holds:
-        return Claim(False, "both avoid, no earlier turns of Fuzzy ART")
-    return Claim(True, "both avoid, Fuzzy ART with earlier turns")
+        return Claim(False, f"{several}, but no earlier turns of Fuzzy ART")
+    return Claim(True, f"{several}, Fuzzy ART with earlier turns")
 
 
 def figure4_claim(art: Behaviour, gas: Behaviour, straight: Behaviour | None = None) -> Claim:
     """Test that after 1,000 steps only Fuzzy ART avoids collisions, and so drives longer."""
     several = _who_avoids(art, gas, straight)
-    if several != "only Fuzzy ART avoids":
+    if several != _ONLY_ART:
         return Claim(False, several)
     if not order(art.lengths, gas.lengths).holds:
-        return Claim(False, f"{several}, but is not shown to drive longer")
+        return Claim(False, f"{several}, but not to drive longer")
     return Claim(True, several)
 
 
 def _who_avoids(art: Behaviour, gas: Behaviour, straight: Behaviour | None) -> str:
     match avoids(art, straight), avoids(gas, straight):
         case True, True:
-            return "both avoid"
+            return _BOTH
         case True, False:
-            return "only Fuzzy ART avoids"
+            return _ONLY_ART
         case False, True:
-            return "only the Neural Gas avoids"
-    return "neither avoids"
+            return "only the Neural Gas is shown to avoid"
+    return "neither is shown to avoid"
 
 
 def longer(art: Behaviour, gas: Behaviour) -> Order:

@@ -79,7 +79,7 @@ class Condition:
     vigilance: float = 0.8
     """rho of Fuzzy ART."""
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
-    """The reinforcement of commands."""
+    """Reinforcement of commands."""
     shuffled: bool = False
     """True: frames are presented in random order."""
     means: bool = False
@@ -115,7 +115,7 @@ class Settings:
     own: int = 4_000
     """Random commands of drives that no other experiment shares: of a path, or in a hall."""
     conditions: tuple[Condition, ...] = ALL_CONDITIONS
-    """All that is tested."""
+    """Conditions that are tested."""
     early: int = 1_000
     """Frames of the short sensory training (figure 4)."""
     art_inputs: int = 9_000
