@@ -12,7 +12,7 @@ the program that wanted it, whatever becomes of that.
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, Protocol
 
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.payload_model import Payload, PayloadError
@@ -20,7 +20,6 @@ from khepera_protocol.zenoh.payloads import Reset, Truth
 from pydantic import Field
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.robot.emulator import Emulator
 
 _INPUT: Final = 0
 _LONGEST: Final = 10_000
@@ -41,6 +40,20 @@ class Answer(Payload):
     error: str = Field(default="", description="a sentence; empty: there is none")
 
 
+class Controlled(Protocol):
+    """A robot as requests see it."""
+
+    def truth(self) -> Truth:
+        """Return where it is."""
+
+    def reset(self, reset: Reset) -> Truth:
+        """Put it somewhere.
+
+        Raises:
+            EmulatorError: the place is not free.
+        """
+
+
 class Control:
     """Answers the requests on the standard input.
 
@@ -49,7 +62,7 @@ class Control:
         tell: is given each answer, a line without its end.
     """
 
-    def __init__(self, robots: Sequence[Emulator], tell: Callable[[str], None]) -> None:
+    def __init__(self, robots: Sequence[Controlled], tell: Callable[[str], None]) -> None:
         self._robots = robots
         self._tell = tell
         self._rest = b""
@@ -77,7 +90,7 @@ class Control:
         except (EmulatorError, PayloadError) as error:
             return Answer(error=printable(str(error), 1000))
 
-    def _robot(self, number: int) -> Emulator:
+    def _robot(self, number: int) -> Controlled:
         if number > len(self._robots):
             raise EmulatorError(f"there is no robot {number}: there are {len(self._robots)}")
         return self._robots[number - 1]
