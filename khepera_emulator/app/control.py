@@ -74,10 +74,8 @@ class Control:
     def serve(self) -> bool:
         """Answer the requests that have come, as of now; False if no more will come."""
         data = os.read(_INPUT, _LONGEST)
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > _LONGEST:
-            lines.append(self._rest)
-            self._rest = b""
+        *lines, rest = (self._rest + data).split(b"\n")
+        self._rest = rest[: _LONGEST + 1]  # one that is too long is refused at its end
         for line in lines:
             self._tell(self._answer(line).model_dump_json(exclude_none=True))
         return bool(data)

@@ -1,6 +1,5 @@
 """A robot in a process of its own, on a pseudo-terminal: `khepera_emulator.start`."""
 
-import os
 import socket
 import subprocess
 import sys
@@ -21,9 +20,6 @@ from khepera_emulator.line.wire_log import Entry, read_log
 from khepera_emulator.robot.options import RobotOptions
 
 _COMMAND: Final = (sys.executable, "-m", "khepera_emulator.app.cli", "run", "--control")
-_ENVIRONMENT: Final = "KHEPERA_EMULATOR_"
-"""Beginning of the variables that would be options of the command."""
-
 _NAME: Final = "khepera-emulator: "
 """Beginning of the sentence that says why it has ended."""
 
@@ -102,6 +98,7 @@ class StartedRobot:
     Attributes:
         port: path of its pseudo-terminal, for the program under test.
         log_file: its wire log, written as it runs; `khepera-emulator replay` plays it again.
+        pid: number of its process.
 
     Raises:
         EmulatorError: it cannot be started; the message is what the emulator says.
@@ -121,9 +118,9 @@ class StartedRobot:
                     stdin=theirs.fileno(),
                     stdout=theirs.fileno(),
                     stderr=errors,
-                    env={k: v for k, v in os.environ.items() if not k.startswith(_ENVIRONMENT)},
                     start_new_session=True,
                 )
+            self.pid = self._process.pid
             stack.callback(self._end)
             self._control.settimeout(_PATIENCE)
             self._answers = stack.enter_context(self._control.makefile("rb"))
