@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
@@ -88,7 +89,7 @@ def test_a_test_pays_for_what_it_uses_alone() -> None:
     ],
 )
 def test_an_option_that_is_none_is_told_before_anything_is_started(
-    options: dict[str, object], sentence: str
+    options: dict[str, Any], sentence: str
 ) -> None:
     with pytest.raises(EmulatorError) as caught:
         khepera_emulator.start(**options)
@@ -97,7 +98,7 @@ def test_an_option_that_is_none_is_told_before_anything_is_started(
 
 def test_the_package_offers_nothing_else() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'stop'"):
-        _ = khepera_emulator.stop  # type: ignore[attr-defined]
+        _ = khepera_emulator.stop
 
 
 def test_what_the_emulator_refuses_is_its_own_sentence(tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ def _section(robot: StartedRobot) -> tuple[str, str]:
         text = report(robot.wire_log)
     except EmulatorError as error:
         text = str(error)
-    return f"Khepera's line, as in {robot.log_file}", text
+    return "Khepera's line", f"{text}\n({robot.log_file})"
 
 
 def _refusal(error: EmulatorError) -> BaseException:
