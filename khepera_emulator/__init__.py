@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import serial
 
 if TYPE_CHECKING:
+    from khepera_emulator.app.testing.started import StartedRobot, start
     from khepera_emulator.errors import EmulatorError
-    from khepera_emulator.testing.started import StartedRobot, start
 
 __all__ = ["EmulatorError", "StartedRobot", "start"]
 
@@ -23,8 +23,8 @@ if _PORTS not in serial.protocol_handler_packages:
 
 _PLACES = {
     "EmulatorError": "khepera_emulator.errors",
-    "StartedRobot": "khepera_emulator.testing.started",
-    "start": "khepera_emulator.testing.started",
+    "StartedRobot": "khepera_emulator.app.testing.started",
+    "start": "khepera_emulator.app.testing.started",
 }
 
 

@@ -10,7 +10,7 @@ import pytest
 from emulator_process import PATIENCE, has_ended
 
 # a run in this process forgets its imports again, and NumPy does not load twice
-from khepera_emulator.testing import plugin, report, started  # noqa: F401
+from khepera_emulator.app.testing import plugin, report, started  # noqa: F401
 
 pytest_plugins = ["pytester"]
 

@@ -14,9 +14,9 @@ from emulator_process import PATIENCE, has_ended
 
 import khepera_emulator
 from khepera_emulator import EmulatorError, StartedRobot
+from khepera_emulator.app.testing.report import report, whole_replies
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.line.wire_log import Entry, read_log
-from khepera_emulator.testing.report import report, whole_replies
 
 START = load_arena("s-curve").start
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
     from khepera_emulator import EmulatorError
-    from khepera_emulator.testing.started import StartedRobot
+    from khepera_emulator.app.testing.started import StartedRobot
 
 _ROBOT: Final = pytest.StashKey["StartedRobot"]()
 
@@ -74,8 +74,8 @@ def khepera_url(request: pytest.FixtureRequest) -> str:
     from khepera_protocol.options import to_strings
 
     from khepera_emulator import EmulatorError
+    from khepera_emulator.app.testing.started import options_of
     from khepera_emulator.robot.options import RobotOptions, robot_url
-    from khepera_emulator.testing.started import options_of
 
     values = _options(request)
     values.pop("speed", None)  # it is as fast as the processor
@@ -101,7 +101,7 @@ def pytest_runtest_makereport(
 def _section(robot: StartedRobot) -> tuple[str, str]:
     """Return title and text of a robot's wire log."""
     from khepera_emulator import EmulatorError
-    from khepera_emulator.testing.report import report
+    from khepera_emulator.app.testing.report import report
 
     try:
         text = report(robot.wire_log)
