@@ -106,6 +106,17 @@ def test_what_the_emulator_refuses_is_its_own_sentence(tmp_path: Path) -> None:
         khepera_emulator.start(arena="moon", folder=tmp_path)
 
 
+def test_a_file_of_the_program_under_test_is_no_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "serial.py").write_text("raise SystemExit('not this one')")
+    (tmp_path / "log").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with khepera_emulator.start(folder=Path("log")) as robot:
+        monkeypatch.chdir("/")
+        assert robot.wire_log == ()
+
+
 def test_a_robot_that_has_died_is_told(tmp_path: Path) -> None:
     with khepera_emulator.start(folder=tmp_path) as robot:
         os.kill(robot.pid, signal.SIGKILL)

@@ -11,6 +11,7 @@ from typing import Any, Final, Self, TypeVar
 
 from khepera_protocol.options import OptionError, from_strings, to_strings
 from khepera_protocol.validation import first_fault
+from khepera_protocol.zenoh.payload_model import PayloadError
 from khepera_protocol.zenoh.payloads import Reset, Truth
 from pydantic import ConfigDict, Field, ValidationError
 
@@ -19,7 +20,8 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.wire_log import Entry, read_log
 from khepera_emulator.robot.options import RobotOptions
 
-_COMMAND: Final = (sys.executable, "-m", "khepera_emulator.app.cli", "run", "--control")
+# without -P a file of the program under test might be taken for a library's
+_COMMAND: Final = (sys.executable, "-P", "-m", "khepera_emulator.app.cli", "run", "--control")
 _NAME: Final = "khepera-emulator: "
 """Beginning of the sentence that says why it has ended."""
 
@@ -102,12 +104,14 @@ class StartedRobot:
 
     Raises:
         EmulatorError: it cannot be started; the message is what the emulator says.
+        OSError: the folder cannot be written.
     """
 
     def __init__(self, options: StartOptions, folder: Path | None = None) -> None:
         with ExitStack() as stack:
             if folder is None:
                 folder = Path(stack.enter_context(TemporaryDirectory(prefix="khepera-")))
+            folder = folder.absolute()  # a test may go elsewhere
             self.log_file = folder / "wire.jsonl"
             self._errors = folder / "emulator.txt"
             self._control, theirs = socket.socketpair()
@@ -191,7 +195,10 @@ class StartedRobot:
     def _ask(self, request: Request) -> Truth:
         with suppress(OSError):  # it has ended, or is closed: there is no answer either
             self._control.sendall(request.model_dump_json(exclude_none=True).encode() + b"\n")
-        answer = Answer.parse(self._line().encode())
+        try:
+            answer = Answer.parse(self._line().encode())
+        except PayloadError as error:
+            raise EmulatorError(f"what the emulator says is no answer: {error}") from None
         if answer.truth is None:
             raise EmulatorError(answer.error)
         return answer.truth
@@ -220,7 +227,9 @@ class StartedRobot:
             status = self._process.wait(_LAST_WORDS)
         except subprocess.TimeoutExpired:
             return "the emulator does not answer"
-        said = self._errors.read_text("utf-8", "replace").strip().splitlines()
+        said: list[str] = []
+        with suppress(OSError):  # a test may have taken the folder away
+            said = self._errors.read_text("utf-8", "replace").strip().splitlines()
         if said and said[-1].startswith(_NAME):
             return said[-1].removeprefix(_NAME)
         return f"the emulator has ended with status {status}" + (f": {said[-1]}" if said else "")
