@@ -47,7 +47,7 @@ def _url_options() -> list[str]:
         "",
         "`khepera://ARENA?NAME=VALUE&...`: a robot in the process of a pySerial program, as in",
         "[the ports](ports.md#in-process). ARENA is a name, or the path of a TOML file, in which",
-        "`%`, `#` and `?` are written as `%25`, `%23` and `%3F`.",
+        "`%`, `#` and `?` are written as `%25`, `%23` and `%3F`; without it it is the corridor.",
         "",
         "| option | what it is | without it |",
         "|---|---|---|",

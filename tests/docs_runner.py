@@ -20,7 +20,10 @@ from emulator_process import PATIENCE
 
 ROOT = Path(__file__).parent.parent
 PROGRAMS = ("docker", "khepera-emulator", "macor-hil", "make", "pip", "python")
-STAYS = ("khepera-emulator run", "macor-hil dashboard", "macor-hil monitor", "macor-hil ros2")
+STAYS = (
+    *("khepera-emulator run", "khepera-emulator watch"),
+    *("macor-hil dashboard", "macor-hil monitor", "macor-hil ros2"),
+)
 
 ELSEWHERE = {
     r"make ": "Makefile: minutes, or the very tests that are running",
@@ -28,6 +31,7 @@ ELSEWHERE = {
     r"(\w+=\S+ )*docker ": "needs a Docker engine: tests/test_docker.py, docs/docker.md",
     r".* /dev/tty": "needs a robot",
     r"python benchmarks/": "minutes of measuring",
+    r"python -m pytest test_approach.py": "a test for each language: tests/test_clients.py",
     r"python examples/gymnasium_learner.py": "minutes of learning: tests/test_environment.py",
     r"macor-hil reproduce ": "half an hour and more: tests/test_experiments.py",
     r"macor-hil train .*runs/corridor.npz": "minutes: tests/test_macor_cli.py",
@@ -56,7 +60,7 @@ class Block:
     @property
     def file(self) -> str | None:
         """The name of the file that it is, if its first line is a comment that says so."""
-        found = re.match(r"# ([\w-]+\.py)\n", self.text)
+        found = re.match(r"(?:#|//) ([\w-]+\.(?:py|c|java))\n", self.text)
         return found[1] if found else None
 
     def commands(self) -> list[str]:

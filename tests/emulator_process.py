@@ -1,6 +1,7 @@
 """`khepera-emulator run` as a process of its own, for tests that need the real thing."""
 
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -47,6 +48,18 @@ def emulator(*options: str, **popen: Any) -> Iterator[EmulatorProcess]:
         yield running
     finally:
         running.end()
+
+
+def has_ended(pid: int) -> bool:
+    """Tell whether a process that is not ours ends, now or soon."""
+    try:
+        process = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return True
+    try:
+        return bool(select.select([process], [], [], PATIENCE)[0])
+    finally:
+        os.close(process)
 
 
 def free_endpoint() -> str:

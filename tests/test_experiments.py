@@ -340,6 +340,16 @@ def test_comments_and_docstrings_do_not_count_as_code() -> None:
     assert bare_code("def f(x):\n    return x + 2\n") != plain
 
 
+def test_what_type_checkers_alone_see_does_not_count_as_code() -> None:
+    plain = bare_code("import a\n")
+    assert bare_code("import a\nif TYPE_CHECKING:\n    import b\n") == plain
+    assert bare_code("import a\nif TESTING:\n    import b\n") != plain
+
+
+def test_the_code_of_a_drive_is_without_what_starts_robots_for_tests() -> None:
+    assert not any(".testing" in module or ".app" in module for module in code_of(record))
+
+
 OURS = ("khepera_protocol", "khepera_emulator", "macor_hil")
 
 REPORTS = {

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 import serial
+from drives import Drive
 from in_process import open_robot
 from khepera_protocol.zenoh.payloads import Pose, Reset
+from rig import Closing
 
 import khepera_emulator  # noqa: F401 - registers the URL scheme
 from khepera_emulator.errors import EmulatorError
@@ -270,11 +272,32 @@ def test_a_closed_port_refuses(port: Serial) -> None:
         port.open()
 
 
+@pytest.mark.parametrize("url", ["khepera://", "khepera://?seed=1"])
+def test_without_an_arena_it_is_the_corridor(url: str) -> None:
+    with open_port(url) as port, open_port("khepera://corridor?seed=1") as named:
+        assert port.emulator.setup.arena == named.emulator.setup.arena
+        assert port.emulator.setup.seed == ("seed=1" in url)
+
+
+def test_miniterm_opens_a_robot() -> None:
+    program = "import khepera_emulator; from serial.tools.miniterm import main; main()"
+    started: list[Closing] = []
+    terminal = Drive(started, [sys.executable, "-c", program, "khepera://"])
+    try:
+        terminal.wait_for(b"Quit: Ctrl+]")
+        terminal.answer(b"B\r")
+        terminal.wait_for(b"b,5.01,5.00")
+        terminal.answer(b"\x1d")
+        assert terminal.wait() == 0
+    finally:
+        terminal.close()
+
+
 @pytest.mark.parametrize(
     ("url", "words"),
     [
         ("khepera://nowhere", "unknown arena 'nowhere'"),
-        ("khepera://", "unknown arena"),
+        ("khepera:///", "the arena '/' is not a file"),
         ("khepera://corridor?colour=red", "unknown option 'colour'"),
         ("khepera://corridor?model=robot", "there is no robot model 'robot'; there are khepera"),
         ("khepera://corridor?drift=much", "cannot read the drift 'much'"),

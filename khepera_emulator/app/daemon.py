@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from khepera_protocol.system.waiting import readable
 
+from khepera_emulator.app.control import Control
 from khepera_emulator.app.side_channel import SideChannel
 from khepera_emulator.line.clock import Clock, on_grid
 from khepera_emulator.line.coding import LineFormat
@@ -47,11 +48,14 @@ class Daemon:
     Args:
         emulator: one of the robots; time passes for all of them when it passes for one.
         clock: the time they live in; none of it has passed.
+        control: takes requests of the program that has started this one, and ends the daemon with
+            it.
     """
 
-    def __init__(self, emulator: Emulator, clock: Clock) -> None:
+    def __init__(self, emulator: Emulator, clock: Clock, control: Control | None = None) -> None:
         self._emulator = emulator
         self._clock = clock
+        self._control = control
         self._lines: list[_Line] = []
         self._heard = False
         self._stopping = False
@@ -102,6 +106,7 @@ class Daemon:
     def _wait(self) -> set[int]:
         """Sleep until a client, a query, a byte's wire time or a robot's motion wants something."""
         readers = [self._stop.fileno()]
+        readers += [self._control.fileno()] if self._control else []
         # a robot that was talked to is hardly worth the question whether it moves
         awake = self._heard or self._emulator.moving
         delay = MOVING_PERIOD if awake else RESTING_PERIOD
@@ -125,6 +130,10 @@ class Daemon:
             line.hand_over()
         for line in self._lines:
             line.tell(self._catch_up)
+        if self._control and self._control.fileno() in ready:
+            self._catch_up()
+            if not self._control.serve():
+                self.stop()
 
     def _catch_up(self) -> None:
         self._emulator.reach(self._time())

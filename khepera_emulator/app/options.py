@@ -1,4 +1,4 @@
-"""Options of `khepera-emulator run` beside those that make a robot: its line and its Zenoh keys."""
+"""Options of the commands beside those that make a robot: its line, its Zenoh keys, its bench."""
 
 import re
 from pathlib import Path
@@ -47,6 +47,11 @@ class LineOptions(BaseModel):
         description="Write down what passes on the line (see `replay`); with --robots in FILE-1,"
         " FILE-2 ...",
     )
+    control: Annotated[bool, Cli(flags=("--control",))] = Field(
+        default=False,
+        description="Take resets and questions for the truth from the standard input, a line of"
+        " JSON each, and end when it ends (see docs/testing.md).",
+    )
 
     @property
     def on_terminal(self) -> bool:
@@ -82,9 +87,42 @@ class ZenohOptions(BaseModel):
     @field_validator("robot")
     @classmethod
     def _is_a_name(cls, name: str) -> str:
-        if not _ROBOT.fullmatch(name):
-            raise ValueError(
-                f"{quoted(name)}: a name is made of letters, digits, dots, dashes and"
-                " underscores, 64 at most"
-            )
-        return name
+        return _robot_name(name)
+
+
+class BenchOptions(BaseModel):
+    """Robots that run already, and how they are reached."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    robot: Annotated[str | None, Cli(metavar="NAME")] = Field(
+        default=None, description="Name of a robot; without it all that are found."
+    )
+    connect: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
+        default=(DEFAULT_ENDPOINT,),
+        description="The --listen of the emulator that is asked; repeatable.",
+    )
+    zenoh_config: Annotated[Path | None, Cli(metavar="FILE")] = Field(
+        default=None,
+        description="Zenoh's own configuration (JSON5), for routers, TLS and access control;"
+        " overrides --connect.",
+    )
+
+    @field_validator("robot")
+    @classmethod
+    def _is_a_name(cls, name: str | None) -> str | None:
+        return None if name is None else _robot_name(name)
+
+
+def _robot_name(name: str) -> str:
+    """Return a name that can stand in a Zenoh key.
+
+    Raises:
+        ValueError: it cannot.
+    """
+    if not _ROBOT.fullmatch(name):
+        raise ValueError(
+            f"{quoted(name)}: a name is made of letters, digits, dots, dashes and"
+            " underscores, 64 at most"
+        )
+    return name

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from khepera_emulator.app.control import Control
 from khepera_emulator.app.daemon import Daemon
 from khepera_emulator.app.ending import Ending
 from khepera_emulator.app.options import LineOptions, ZenohOptions
@@ -34,7 +35,8 @@ def serve(
         line: their lines and their time.
         zenoh: their side channels.
         ending: tells when to end.
-        announce: is given a line for each robot, as soon as it can be talked to.
+        announce: is given a line for each robot, as soon as it can be talked to, and later the
+            answers to what is asked over the standard input.
 
     Raises:
         EmulatorError: an option names nothing that there is, or the system refuses something.
@@ -58,7 +60,8 @@ def serve(
             stack.enter_context(WireLog(path, robot.to_url())) if path else None
             for path, robot in zip(files, robots, strict=True)
         ]
-        daemon = Daemon(emulators[0], Clock(line.speed))
+        control = Control(emulators, announce) if line.control else None
+        daemon = Daemon(emulators[0], Clock(line.speed), control)
         for served in zip(emulators, ports, channels, logs, strict=True):
             daemon.add(*served, follow_rate=options.baud == AUTO)
         for name, port, claim in zip(names, ports, claims, strict=True):

@@ -35,6 +35,10 @@ class LineFormat:
     parity: str = "N"
     stop: float = 1
 
+    def __str__(self) -> str:
+        """Name them as is usual: 9600 8N1."""
+        return f"{self.baud} {self.bits}{self.parity}{self.stop:g}"
+
     def matches(self, other: "LineFormat") -> bool:
         """Tell whether both ends understand each other exactly."""
         return (self.baud, self.bits, self.parity) == (other.baud, other.bits, other.parity)

@@ -53,12 +53,19 @@ class Entry:
         what: request, reply, close, line or fault; later versions may have others.
         data: bytes of a request or reply.
         line: settings of the client's end.
+        text: of a fault: the bytes' direction, its kind, and what it did.
     """
 
     time: float
     what: str
     data: bytes = b""
     line: LineFormat | None = None
+    text: str = ""
+
+    def __str__(self) -> str:
+        """Show it in a line of text, bytes as in Python."""
+        what = repr(self.data)[1:] if self.data else str(self.line or printable(self.text))
+        return f"{self.time:10.4f} s  {self.what:<7}  {what}".rstrip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +211,16 @@ class _Settings(_Moment):
     stop: float = Field(ge=1.0, le=2.0)
 
 
+class _Fault(_Moment):
+    """A fault of the line."""
+
+    direction: str = ""
+    kind: str = ""
+    text: str = ""
+
+
 _KINDS: Final[Mapping[str, type[_Moment]]] = MappingProxyType(
-    {"request": _Bytes, "reply": _Bytes, "line": _Settings}
+    {"request": _Bytes, "reply": _Bytes, "line": _Settings, "fault": _Fault}
 )
 
 
@@ -283,7 +298,10 @@ def _entry(path: Path, number: int, line: bytes) -> Entry:
         settings = None
         if isinstance(given, _Settings):
             settings = LineFormat(given.baud, given.bits, given.parity, given.stop)
-        return Entry(given.t, given.what, data, settings)
+        text = ""
+        if isinstance(given, _Fault):
+            text = f"{given.direction} {given.kind}: {given.text}"
+        return Entry(given.t, given.what, data, settings, text)
     raise EmulatorError(f"line {number} of {path} is no entry of a wire log: {why}")
 
 

@@ -47,7 +47,7 @@ class WireTap:
         """Keep the client's settings when they are new."""
         if line is not None and line != self._settings:
             self._settings = line
-            self._add(time, "line", f"{line.baud} {line.bits}{line.parity}{line.stop:g}")
+            self._add(time, "line", str(line))
 
     def fault(self, happening: Happening) -> None:
         """Keep a fault that has happened."""

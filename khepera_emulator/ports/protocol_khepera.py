@@ -9,9 +9,9 @@ processor allows, with the same bytes each time.
     port.write(b"N\n"); port.readline()
 
 ARENA is a name, or the path of a TOML file; in a path, `%`, `#` and `?` are written as %25, %23
-and %3F. The options after `?`, joined with `&`, are those of `khepera-emulator run` that make a
-robot, `robots=N&robot=K` for one of several in a world: see docs/commands.md. Three differ in a
-process without real time:
+and %3F. Without ARENA it is the corridor. The options after `?`, joined with `&`, are those of
+`khepera-emulator run` that make a robot, `robots=N&robot=K` for one of several in a world: see
+docs/commands.md. Three differ in a process without real time:
     baud=unpaced   bytes take no time, and every write a millisecond: so a program that asks
                    until something has happened gets there
     baud=N         with other settings the client reads and sends garbage

@@ -169,14 +169,15 @@ class UrlOptions(RobotOptions):
 
     @classmethod
     def from_url(cls, url: str) -> Self:
-        """Read `khepera://ARENA?NAME=VALUE&...`.
+        """Read `khepera://ARENA?NAME=VALUE&...`; without ARENA it is the default one.
 
         Raises:
             OptionError: an option is unknown, or has a value that does not fit.
         """
         arena, _, query = url.partition("://")[2].partition("?")
         name = unquote(arena, errors="surrogateescape")
-        return from_strings(cls, [("arena", name), *parse_qsl(query, keep_blank_values=True)])
+        named = [("arena", name)] if name else []
+        return from_strings(cls, [*named, *parse_qsl(query, keep_blank_values=True)])
 
     def to_url(self) -> str:
         """Return the URL; it names defaults, too, so that a log outlives a change of them."""

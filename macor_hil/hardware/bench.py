@@ -6,21 +6,14 @@ For set-up and scoring only. A physical robot has no bench, and nothing that dri
 from typing import Any, Protocol, TypeVar
 
 import zenoh
+from khepera_protocol.zenoh.ask import AskError, ask
 from khepera_protocol.zenoh.keys import ARENA, RESET, TRUTH, Key
-from khepera_protocol.zenoh.payload_model import Payload, PayloadError
-from khepera_protocol.zenoh.payloads import (
-    Outline,
-    Reset,
-    Truth,
-)
-from khepera_protocol.zenoh.reply import refusal
+from khepera_protocol.zenoh.payload_model import Payload
+from khepera_protocol.zenoh.payloads import Outline, Reset, Truth
 
 from macor_hil.errors import BenchError
 
 _P = TypeVar("_P", bound=Payload)
-
-PATIENCE = 5.0
-"""Seconds that a reset may take."""
 
 
 class Bench(Protocol):
@@ -87,7 +80,7 @@ class ZenohBench:
 
     def reset(self, reset: Reset) -> Truth:
         """Put the robot somewhere."""
-        return self._ask(RESET, Truth, reset.model_dump_json(exclude_none=True))
+        return self._ask(RESET, Truth, reset)
 
     def truth(self) -> Truth:
         """Return where the robot really is."""
@@ -97,13 +90,8 @@ class ZenohBench:
         """Return the arena from above."""
         return self._ask(ARENA, Outline)
 
-    def _ask(self, asked: Key, kind: type[_P], payload: str | None = None) -> _P:
-        key = asked.of(self._robot)
-        for reply in self._session.get(key, payload=payload, timeout=PATIENCE):
-            if reply.ok is None:
-                raise BenchError(f"the emulator answers on {key}: {refusal(reply)}")
-            try:
-                return kind.parse(reply.ok.payload.to_bytes())
-            except PayloadError as error:
-                raise BenchError(f"what came from {key} is no {kind.__name__}: {error}") from None
-        raise BenchError(f"no emulator answers on the Zenoh key {key}; is it running?")
+    def _ask(self, key: Key, answer: type[_P], request: Payload | None = None) -> _P:
+        try:
+            return ask(self._session, self._robot, key, answer, request)
+        except AskError as error:
+            raise BenchError(str(error)) from None

@@ -11,6 +11,7 @@ from khepera_protocol.options import takes
 from khepera_protocol.text import PrintableFormatter, printable
 from khepera_protocol.version import VersionOption
 
+from khepera_emulator.app.cli import bench_commands
 from khepera_emulator.app.cli.arena_command import ArenaOptions, arenas
 from khepera_emulator.app.cli.replay_command import ReplayOptions, replay
 from khepera_emulator.app.ending import STATUS, Ending
@@ -37,6 +38,10 @@ Three robots in one room, on runs/khepera-1, runs/khepera-2 and runs/khepera-3:
 
 A second robot on the same machine, in a world of its own:
 [cyan]khepera-emulator run --robot second --link runs/second --listen tcp/127.0.0.1:7449[/cyan]
+
+Put a robot that runs somewhere else, and see where it is:
+[cyan]khepera-emulator place 0.3 0 1.57[/cyan]
+[cyan]khepera-emulator watch[/cyan]
 
 [bold]Exit status[/bold]
 
@@ -92,6 +97,7 @@ app.command(epilog="[cyan]khepera-emulator arenas --generate 7 --out runs/seven.
     takes(ArenaOptions, config=False)(arenas)
 )
 app.command()(takes(ReplayOptions, config=False)(replay))
+app.add_typer(bench_commands.app)
 
 
 def _announce(line: str) -> None:

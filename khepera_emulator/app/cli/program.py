@@ -23,6 +23,9 @@ def run() -> int:
             status = 0
         except SystemExit as ended:
             status = int(ended.code or 0)
+            if isinstance(ended.__context__, BrokenPipeError):
+                _say("nobody reads the standard output")
+                return _FAILED
         except (EmulatorError, OptionError) as error:
             _say(printable(str(error), _LONGEST_SENTENCE))
             return _FAILED

@@ -26,7 +26,7 @@ _BY_SCHEME: Final = "khepera_emulator.ports.protocol_khepera"
 Body = list[ast.stmt]
 
 
-_DOORS: Final = ("macor_hil.mind.catalogue",)
+_DOORS: Final = ("khepera_emulator", "macor_hil.mind.catalogue")
 """Tables of parts: what they lead to counts where it is used, and is given by `uses`."""
 
 
@@ -90,7 +90,14 @@ def _dump(body: Body) -> str:
 
 
 class _WithoutText(ast.NodeTransformer):
-    """Drops strings that stand as statements."""
+    """Drops strings that stand as statements, and what is there for type checkers alone."""
+
+    def visit_If(self, node: ast.If) -> ast.If | None:
+        """Drop `if TYPE_CHECKING:`, which never runs."""
+        if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING" and not node.orelse:
+            return None
+        self.generic_visit(node)
+        return node
 
     def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
         """Drop a statement that is a string."""

@@ -1,0 +1,1 @@
+"""Robots for the tests of programs that drive a Khepera: a Python API and a plugin of pytest."""
