@@ -25,6 +25,7 @@ PLANNERS: Final = Registry(
         "expected": "macor_hil.mind.planners.expected:Expected",
         "graded": "macor_hil.mind.planners.graded:Graded",
         "foresight": "macor_hil.mind.planners.foresight:Foresight",
+        "goal": "macor_hil.mind.planners.goal:Goal",
     },
 )
 MEMORIES: Final = Registry(
@@ -35,6 +36,7 @@ MEMORIES: Final = Registry(
         "q-learning": "macor_hil.mind.memories.q_map:QMap",
         "graded": "macor_hil.mind.memories.graded:GradedMemory",
         "foresight": "macor_hil.mind.memories.foresight:ForesightMemory",
+        "places": "macor_hil.mind.memories.places:PlacesMemory",
     },
 )
 CLUSTERERS: Final = Registry(

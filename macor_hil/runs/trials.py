@@ -9,7 +9,8 @@ from khepera_protocol.zenoh.payloads import Pose, Reset, Truth
 
 from macor_hil.commands import COMMANDS
 from macor_hil.hardware.bench import Bench
-from macor_hil.mind.planners.planner import Planner
+from macor_hil.mind.experience import Moment
+from macor_hil.mind.planners.planner import Aiming, Planner
 from macor_hil.runs.agent import Agent, Step
 
 MAX_COMMANDS = 40
@@ -44,12 +45,14 @@ class Trial:
         collided: whether the robot's own sensors ended it.
         touched: whether its body really touched something (ground truth).
         path: ground truth, at the start and after every command.
+        reached: whether the planner's goal was reached, which ended it.
     """
 
     reinforcement: tuple[float, ...]
     collided: bool
     touched: bool
     path: tuple[Pose, ...]
+    reached: bool = False
 
     @property
     def length(self) -> int:
@@ -70,7 +73,7 @@ def fallback(rng: np.random.Generator) -> Callable[[], int]:
 def drive(
     agent: Agent, planner: Planner, rng: np.random.Generator, commands: int = MAX_COMMANDS
 ) -> Iterator[Step]:
-    """Drive by a planner until a collision or the last command.
+    """Drive by a planner until a collision, the last command, or its goal, where it has one.
 
     Raises:
         RobotError, CameraError: the hardware fails.
@@ -78,11 +81,18 @@ def drive(
     choose = agent.planned(planner, fallback(rng))
     view = agent.begin(learn=False)
     for _ in range(commands):
+        if has_arrived(planner, view.moment):
+            return
         step = agent.step(view, choose, learn=False)
         yield step
         if step.outcome.collided:
             return
         view = step.after
+
+
+def has_arrived(planner: Planner, now: Moment) -> bool:
+    """Tell whether a planner has a goal, which is reached at a moment."""
+    return isinstance(planner, Aiming) and planner.arrived(now)
 
 
 def run_trial(
@@ -101,10 +111,11 @@ def run_trial(
     truth: Truth = bench.reset(start)
     path = [truth.pose]
     reinforcement = []
-    collided = False
+    collided = reached = False
     for step in drive(agent, planner, rng, commands):
         truth = bench.truth()
         path.append(truth.pose)
         reinforcement.append(step.reinforcement)
         collided = step.outcome.collided
-    return Trial(tuple(reinforcement), collided, truth.touched, tuple(path))
+        reached = not collided and has_arrived(planner, step.after.moment)
+    return Trial(tuple(reinforcement), collided, truth.touched, tuple(path), reached)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, runtime_checkable
 
 from macor_hil.commands import COMMANDS
 from macor_hil.mind.experience import Moment
@@ -22,6 +22,22 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, slots=True)
+class Aim:
+    """A goal that a planner drives to, as the camera sees it.
+
+    Attributes:
+        name: of the goal.
+        bearing: direction in which it is seen, radians to the left of straight ahead; None: it is
+            not seen.
+        reached: whether the robot is there.
+    """
+
+    name: str
+    bearing: float | None = None
+    reached: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """The outcome of planning.
 
@@ -33,6 +49,7 @@ class Plan:
         hypotheses: sequences that were weighed, each first transition with its best continuation,
             the best one first; for those who watch.
         activities: activity of every neuron after the wave; empty for planners without one.
+        aim: the goal that it drives to; None: it has none.
     """
 
     evaluations: tuple[float | None, ...]
@@ -41,6 +58,7 @@ class Plan:
     steps: int = 0
     hypotheses: tuple[Hypothesis, ...] = ()
     activities: tuple[float, ...] = ()
+    aim: Aim | None = None
 
 
 NO_PLAN: Final = Plan((None,) * len(COMMANDS), None)
@@ -65,6 +83,19 @@ class Planner(Protocol):
             memory: the one that it asked for; not changed.
             now: what the robot sees, and the neuron it is in.
         """
+        ...
+
+
+@runtime_checkable
+class Aiming(Protocol):
+    """Planners that drive to a goal."""
+
+    def prepare(self, memory: Any) -> None:
+        """Do what is done once for a map and a goal."""
+        ...
+
+    def arrived(self, now: Moment) -> bool:
+        """Tell whether a drive ends at a moment, with its goal reached."""
         ...
 
 
