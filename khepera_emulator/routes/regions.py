@@ -64,8 +64,7 @@ class Region:
         along = _cross(apart, edge) / across
         where = _cross(apart, sight[:, None]) / across
         crossed = (along > 0) & (along < 1) & (where >= 0) & (where <= 1) & np.isfinite(across)
-        hidden: Flags = crossed.any(axis=1)
-        return hidden
+        return np.asarray(crossed.any(axis=1), np.bool_)
 
 
 def edge_points(outline: Outline, colour: Sequence[float]) -> list[Point]:

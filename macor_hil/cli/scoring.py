@@ -58,8 +58,8 @@ class ReproduceOptions(Options):
     """An experiment over many training seeds."""
 
     name: Annotated[str, Cli(argument=True)] = Field(
-        description="figure2 to figure5 or table1 of the paper; beyond, goals, drift, arenas;"
-        " peers, which needs the extra of that name; or all but peers."
+        description="figure2 to figure5 or table1 of the paper; beyond, goals, destinations, drift,"
+        " arenas; peers, which needs the extra of that name; or all but peers."
     )
     seeds: int = Field(default=30, ge=1, description="Training seeds: 1 to this number.")
     workers: Annotated[int | None, Cli(show_default="one for each processor")] = Field(

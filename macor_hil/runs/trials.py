@@ -9,8 +9,7 @@ from khepera_protocol.zenoh.payloads import Pose, Reset, Truth
 
 from macor_hil.commands import COMMANDS
 from macor_hil.hardware.bench import Bench
-from macor_hil.mind.experience import Moment
-from macor_hil.mind.planners.planner import Aiming, Planner
+from macor_hil.mind.planners.planner import Planner, aim_of, is_over
 from macor_hil.runs.agent import Agent, Step
 
 MAX_COMMANDS = 40
@@ -81,18 +80,13 @@ def drive(
     choose = agent.planned(planner, fallback(rng))
     view = agent.begin(learn=False)
     for _ in range(commands):
-        if has_arrived(planner, view.moment):
+        if is_over(aim_of(planner, view.moment)):
             return
         step = agent.step(view, choose, learn=False)
         yield step
         if step.outcome.collided:
             return
         view = step.after
-
-
-def has_arrived(planner: Planner, now: Moment) -> bool:
-    """Tell whether a planner has a goal, which is reached at a moment."""
-    return isinstance(planner, Aiming) and planner.arrived(now)
 
 
 def run_trial(
@@ -117,5 +111,5 @@ def run_trial(
         path.append(truth.pose)
         reinforcement.append(step.reinforcement)
         collided = step.outcome.collided
-        reached = not collided and has_arrived(planner, step.after.moment)
+        reached = not collided and is_over(aim_of(planner, step.after.moment))
     return Trial(tuple(reinforcement), collided, truth.touched, tuple(path), reached)

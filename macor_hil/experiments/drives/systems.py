@@ -13,6 +13,7 @@ from macor_hil.mind.eyes.eyes import FloorSeeing
 from macor_hil.mind.memories.foresight import ForesightMemory
 from macor_hil.mind.memories.graded import GradedMemory, GradedSituations
 from macor_hil.mind.memories.memory import Memory
+from macor_hil.mind.memories.places import PlacesMemory
 from macor_hil.mind.memories.q_map import QMap
 from macor_hil.mind.memories.transitions import Competence, SensorimotorMap
 from macor_hil.mind.planners.anticipative import Anticipative
@@ -31,6 +32,8 @@ WEAK: Final = "weak-q-learning"
 EXPECTED: Final = "expected"
 GRADED: Final = "graded"
 FORESIGHT: Final = "foresight"
+PLACES: Final = "places"
+GOAL: Final = "goal"
 
 _PLANNERS: Final[Mapping[str, Callable[[], Planner]]] = {
     REACTIVE: Reactive,
@@ -93,6 +96,19 @@ def learn_foresight(brain: Brain, recording: Recording) -> System:
     foreseeing = replace(brain, memories={FORESIGHT: memory})
     foreseeing.relive(recording.seen(), situations=False)
     return System(foreseeing, Foresight())
+
+
+def learn_places(brain: Brain, recording: Recording) -> Brain:
+    """Return a brain with a memory of the places of a recording, for goals to come.
+
+    Args:
+        brain: one that has learned its situations from the same recording.
+        recording: of a drive, with eyes that see where the floor ends.
+    """
+    assert isinstance(brain.eyes, FloorSeeing)
+    knowing = replace(brain, memories={PLACES: PlacesMemory(brain.eyes.directions)})
+    knowing.relive(recording.seen(), situations=False)
+    return knowing
 
 
 def situations_of(recording: Recording) -> GradedSituations:

@@ -20,7 +20,7 @@ from macor_hil.arrays import Array
 from macor_hil.commands import COMMANDS
 from macor_hil.mind.experience import Moment
 from macor_hil.mind.foresight.chart.atlas import Atlas
-from macor_hil.mind.foresight.chart.views import Floats, Views
+from macor_hil.mind.foresight.chart.views import Views
 from macor_hil.mind.foresight.chart.worth import Worth, worth_of
 from macor_hil.mind.foresight.floor import clearance, solids
 from macor_hil.mind.foresight.motions import moved
@@ -96,20 +96,20 @@ class Goal:
             values = self._evaluations(self._atlas, self._worth, self._pose, now.floor)
             if values.max() > _HOPELESS:
                 evaluations = tuple(values.tolist())
-                return Plan(evaluations, best_command(evaluations), steps=_AHEAD, aim=self.aim(now))
-        driven = self._foresight.plan(memory, now)
-        return Plan(driven.evaluations, driven.command, steps=driven.steps, aim=self.aim(now))
+                return Plan(evaluations, best_command(evaluations), steps=_AHEAD)
+        return self._foresight.plan(memory, now)
 
     def aim(self, now: Moment) -> Aim:
-        """Return where the goal is at a moment."""
+        """Return the goal as it is seen at a moment."""
+        goal = self.destination
         if now.floor is None or now.sights is None:
-            return Aim(self.destination.name)
-        reached = bool(self.destination.reached(now.floor, now.sights))
-        return Aim(self.destination.name, self.destination.bearing(now.floor, now.sights), reached)
-
-    def arrived(self, now: Moment) -> bool:
-        """Tell whether a drive ends at a moment, with its goal reached."""
-        return not self.destination.along and self.aim(now).reached
+            return Aim(goal.name, ends=not goal.along)
+        return Aim(
+            goal.name,
+            goal.bearing(now.floor, now.sights),
+            bool(goal.reached(now.floor, now.sights)),
+            not goal.along,
+        )
 
     def _whereabouts(self, atlas: Atlas, now: Moment) -> Array | None:
         assert now.floor is not None
@@ -120,7 +120,7 @@ class Goal:
             foreseen = moved(self._pose, atlas.skill.motions[now.neuron % len(COMMANDS)])
         return atlas.whereabouts.find(seen, foreseen)
 
-    def _evaluations(self, atlas: Atlas, worth: Worth, pose: Array, floor: Array) -> Floats:
+    def _evaluations(self, atlas: Atlas, worth: Worth, pose: Array, floor: Array) -> Array:
         """Return the worth of each command at a pose, shape (m,)."""
         places = np.concatenate([each[:, :2] for each in self._sequences])
         room = np.split(
@@ -128,7 +128,7 @@ class Goal:
             np.cumsum([len(each) for each in self._sequences[:-1]]),
         )
         poses = [moved(pose, each) for each in self._sequences]
-        value = worth.at(poses[-1])
+        value: Array = worth.at(poses[-1]).astype(np.float64)
         for number in reversed(range(_AHEAD)):
             through = atlas.skill.curve.survival(room[number], number)
             reward = worth.reward_at(poses[number])

@@ -22,22 +22,6 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, slots=True)
-class Aim:
-    """A goal that a planner drives to, as the camera sees it.
-
-    Attributes:
-        name: of the goal.
-        bearing: direction in which it is seen, radians to the left of straight ahead; None: it is
-            not seen.
-        reached: whether the robot is there.
-    """
-
-    name: str
-    bearing: float | None = None
-    reached: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class Plan:
     """The outcome of planning.
 
@@ -49,7 +33,6 @@ class Plan:
         hypotheses: sequences that were weighed, each first transition with its best continuation,
             the best one first; for those who watch.
         activities: activity of every neuron after the wave; empty for planners without one.
-        aim: the goal that it drives to; None: it has none.
     """
 
     evaluations: tuple[float | None, ...]
@@ -58,7 +41,6 @@ class Plan:
     steps: int = 0
     hypotheses: tuple[Hypothesis, ...] = ()
     activities: tuple[float, ...] = ()
-    aim: Aim | None = None
 
 
 NO_PLAN: Final = Plan((None,) * len(COMMANDS), None)
@@ -86,17 +68,50 @@ class Planner(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """A goal that a planner drives to, as the camera sees it at a moment.
+
+    Attributes:
+        name: of the goal.
+        bearing: direction in which it is seen, radians to the left of straight ahead; None: it is
+            not seen.
+        reached: whether the robot is there.
+        ends: whether a drive ends there.
+    """
+
+    name: str
+    bearing: float | None = None
+    reached: bool = False
+    ends: bool = True
+
+
 @runtime_checkable
 class Aiming(Protocol):
-    """Planners that drive to a goal."""
+    """Planners that may drive to a goal."""
+
+    def aim(self, now: Moment) -> Aim | None:
+        """Return the goal as it is seen at a moment; None: there is none."""
+        ...
+
+
+@runtime_checkable
+class Preparing(Protocol):
+    """Planners that think about a memory before the first decision."""
 
     def prepare(self, memory: Any) -> None:
-        """Do what is done once for a map and a goal."""
+        """Do what is done once for a memory, and may take seconds."""
         ...
 
-    def arrived(self, now: Moment) -> bool:
-        """Tell whether a drive ends at a moment, with its goal reached."""
-        ...
+
+def aim_of(planner: Planner, now: Moment) -> Aim | None:
+    """Return a planner's goal as it is seen at a moment; None: it has none."""
+    return planner.aim(now) if isinstance(planner, Aiming) else None
+
+
+def is_over(aim: Aim | None) -> bool:
+    """Tell whether a drive ends because its goal is reached."""
+    return aim is not None and aim.reached and aim.ends
 
 
 def ranked(hypotheses: Iterable[Hypothesis], commands: int) -> tuple[Hypothesis, ...]:

@@ -42,7 +42,7 @@ def charted(views: Views, commands: Indices, collided: Mask, motions: Array) -> 
         collided: whether it ended in a collision, and so nobody knows where; shape (T,).
         motions: of the commands, shape (m, 3).
     """
-    drives = np.cumsum(commands < 0)
+    drives = np.cumsum(commands < 0, dtype=np.int64)
     way = _driven_poses(commands, motions)
     number = np.arange(len(commands))
     since = number - np.maximum.accumulate(np.where(commands < 0, number, 0))
@@ -60,7 +60,12 @@ def charted(views: Views, commands: Indices, collided: Mask, motions: Array) -> 
 
 
 def _joined(one: Links, other: Links) -> Links:
-    return Links(*(np.concatenate(pair) for pair in zip(one, other, strict=True)))
+    return Links(
+        np.concatenate([one.begin, other.begin]),
+        np.concatenate([one.end, other.end]),
+        np.concatenate([one.motion, other.motion]),
+        np.concatenate([one.weight, other.weight]),
+    )
 
 
 def _driven_poses(commands: Indices, motions: Array) -> Array:

@@ -46,7 +46,7 @@ class Ground:
 
     Attributes:
         origin: place of the middle of the first cell, in heights.
-        clearance: distance to what is no floor or was never seen, in heights, shape (rows, columns).
+        clearance: heights to what is no floor or was never seen, shape (rows, columns).
     """
 
     origin: Array

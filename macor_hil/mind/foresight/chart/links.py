@@ -6,7 +6,7 @@ import numpy as np
 
 from macor_hil.arrays import Array, Indices
 from macor_hil.mind.foresight.chart.matching import agreement, colours_apart, fitted, inverse
-from macor_hil.mind.foresight.chart.views import Floats, Spectra, Views, signatures, turns
+from macor_hil.mind.foresight.chart.views import Floats, Views, signatures, turns
 
 ALIKE: Final = 7
 """Views that each one is compared with."""
@@ -45,7 +45,8 @@ class Links(NamedTuple):
 
     def take(self, numbers: Indices) -> "Links":
         """Return some of them."""
-        return Links(*(column[numbers] for column in self))
+        begin, end, motion, weight = self
+        return Links(begin[numbers], end[numbers], motion[numbers], weight[numbers])
 
 
 def matches(views: Views, drives: Indices) -> Links:
@@ -134,6 +135,3 @@ def _alike(signature: Floats, drives: Indices) -> tuple[Indices, Indices]:
     begin, end = np.unique(np.sort(pairs, axis=0), axis=1)
     other = drives[begin] != drives[end]
     return begin[other], end[other]
-
-
-__all__ = ["Links", "Spectra", "both_ways", "driven", "matches", "nearest", "relative"]

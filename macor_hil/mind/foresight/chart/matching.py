@@ -90,7 +90,8 @@ def colours_apart(before: Views, after: Views, motions: Array) -> Array:
     apart = np.abs(before.colours - here * (1 - share) - next_one * share).sum(axis=-1)
     apart.sort(axis=1)
     compared = int(sectors * _HIDDEN)
-    return np.maximum(apart[:, :compared].mean(axis=1), apart[:, compared] / 4)
+    different: Array = np.maximum(apart[:, :compared].mean(axis=1), apart[:, compared] / 4)
+    return different
 
 
 def _mismatch(before: Floats, after: Floats, motion: Floats) -> tuple[Floats, Mask]:
@@ -130,8 +131,9 @@ def _expected(
     y = np.sin(directions) / near - motion[:, 1:2]
     bearing = np.arctan2(y, x) - motion[:, 2:]
     place = (np.pi - bearing) * np.float32(columns / (2 * np.pi)) - np.float32(0.5)
-    column = np.floor(place)
-    expected = 1.0 / np.maximum(np.sqrt(x * x + y * y), np.float32(1e-6))
-    told = (near > _NEAR[0]) & (near < _NEAR[1])
-    view = np.arange(len(before))[:, None]
-    return view, column.astype(np.int64), place - column, expected, told
+    column: Floats = np.floor(place)
+    expected = np.asarray(1.0 / np.maximum(np.sqrt(x * x + y * y), 1e-6), np.float32)
+    told: Mask = (near > _NEAR[0]) & (near < _NEAR[1])
+    view: Indices = np.arange(len(before), dtype=np.int64)[:, None]
+    share: Floats = place - column
+    return view, column.astype(np.int64), share, expected, told

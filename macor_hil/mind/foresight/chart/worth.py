@@ -12,7 +12,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from macor_hil.arrays import Array
+from macor_hil.arrays import Array, Indices
 from macor_hil.mind.foresight.chart.ground import CELL, Ground
 from macor_hil.mind.foresight.chart.views import Floats
 from macor_hil.mind.foresight.collisions import Curve
@@ -76,7 +76,7 @@ def worth_of(
     """
     rows, columns = reward.shape
     vague = Curve(curve.reach, curve.vague + _VAGUE, curve.grows)
-    survival = vague.survival(ground.clearance, 0.0).astype(np.float32)
+    survival = vague.survival(ground.clearance.astype(np.float64), 0.0).astype(np.float32)
     turns = np.rint(motions[:, 2] * (HEADINGS / (2 * np.pi))).astype(np.int64)
     heading = np.arange(HEADINGS) * (2 * np.pi / HEADINGS)
     ways, chances, earns = [], [], []
@@ -90,8 +90,11 @@ def worth_of(
             chances.append(through)
             earns.append(_shifted(reward, way))
     values = np.zeros((HEADINGS, rows, columns), np.float32)
-    after = [keeps * chance * ((1 - r) if ends else 1.0) for chance, r in zip(chances, earns)]
-    first = [chance * r for chance, r in zip(chances, earns)]
+    after = [
+        keeps * chance * ((1 - r) if ends else 1.0)
+        for chance, r in zip(chances, earns, strict=True)
+    ]
+    first = [chance * r for chance, r in zip(chances, earns, strict=True)]
     for _ in range(_SWEEPS):
         new = np.zeros_like(values)
         for k, (way, to) in enumerate(ways):
@@ -112,7 +115,7 @@ def _shifted(raster: Floats, way: Array) -> Floats:
     return np.asarray(shifted, np.float32)
 
 
-def _between(layers: Floats, layer: Array, places: Array) -> Floats:
+def _between(layers: Floats, layer: Indices, places: Array) -> Floats:
     """Return values between cells: layers of shape (k, rows, columns), places (column, row)."""
     _, rows, columns = layers.shape
     x = np.clip(places[:, 0], 0, columns - 1.001)
@@ -123,4 +126,4 @@ def _between(layers: Floats, layer: Array, places: Array) -> Floats:
     below = (
         layers[layer, row + 1, column] * (1 - right) + layers[layer, row + 1, column + 1] * right
     )
-    return above * (1 - down) + below * down
+    return np.asarray(above * (1 - down) + below * down, np.float32)
