@@ -113,7 +113,7 @@ class Settings(Learning):
     starts: int = 20
     """Starts from which there is a way, for each goal and robot."""
     compared: int = 5
-    """The first of them, from which systems without a chart are driven, too."""
+    """The first of them, from which systems without a chart are driven, too; 0: no such systems."""
     slack: tuple[float, int] = (2.0, 40)
     """A trial has so many times the commands of the shortest way, and so many more."""
     looks: tuple[int, ...] = (0, 3_000, 13_000)
@@ -171,8 +171,8 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     for arena in settings.arenas:
         drive = replace(settings.drive, arena=arena)
         recording = Recordings(recordings.folder.parent, drive)[seed]
-        old = learn_all(settings, recording)
-        places = learn_places(old[REACTIVE].brain, recording)
+        old = learn_all(settings, recording) if settings.compared else {}
+        places = learn_places(recording.brain, recording)
         with on_course(Course(arena=arena), seed, drive.drift) as track:
             for target in settings.targets:
                 if target.arena == arena:
@@ -186,6 +186,8 @@ def _systems(
     settings: Settings, goal: Destination, recording: Recording, old: Mapping[str, System]
 ) -> dict[str, System]:
     """Return what the planner is compared with, by name and frames of relearning."""
+    if not old:
+        return {}
     foresight = learn_foresight(old[REACTIVE].brain, recording)
     systems = {f"{FORESIGHT} 0": foresight}
     for name in RELEARNING:
@@ -385,7 +387,7 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             f" {100 * REACHED:.0f} % reached and {DETOUR:g} times the shortest way."
         ),
         _table(settings, results),
-        *(_compared(settings, results, target) for target in settings.targets),
+        *(_compared(settings, results, each) for each in settings.targets if settings.compared),
         *(
             Picture(_picture(target), f"{target.name}: the first ways of the first robot.")
             for target in settings.targets

@@ -102,7 +102,7 @@ def learn_places(brain: Brain, recording: Recording) -> Brain:
     """Return a brain with a memory of the places of a recording, for goals to come.
 
     Args:
-        brain: one that has learned its situations from the same recording.
+        brain: that of the recording, or another one with its eyes.
         recording: of a drive, with eyes that see where the floor ends.
     """
     assert isinstance(brain.eyes, FloorSeeing)

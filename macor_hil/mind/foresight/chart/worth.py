@@ -99,7 +99,8 @@ def worth_of(
         new = np.zeros_like(values)
         for k, (way, to) in enumerate(ways):
             number = k % HEADINGS
-            np.maximum(new[number], first[k] + after[k] * _shifted(values[to], way), new[number])
+            earned = first[k] + after[k] * _shifted(values[to], way)
+            np.maximum(new[number], earned, out=new[number])
         change = float(np.abs(new - values).max())
         values = new
         if change < _SETTLED:
