@@ -24,7 +24,7 @@ from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import PLANNERS, memory_for
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.options import PartSettings
-from macor_hil.mind.planners.planner import Planner
+from macor_hil.mind.planners.planner import Aiming, Planner
 from macor_hil.runs.agent import Agent
 from macor_hil.runs.options import TrialOptions
 from macor_hil.runs.possible import Possible, compare, judge
@@ -37,12 +37,14 @@ app = typer.Typer()
 class ScoredPlanners(PartSettings):
     """Planners that are scored."""
 
-    planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names, show_default="all")] = Field(
+    planner: Annotated[
+        tuple[str, ...], Cli(names=PLANNERS.names, show_default="all without a goal")
+    ] = Field(
         default=(), description="Planner; give several: {names}; or module:Class, file.py:Class."
     )
 
     def names_for(self, brain: Brain) -> list[str]:
-        """List the planners, or all whose memory a brain has.
+        """List the planners, or all whose memory a brain has, but for those that drive to a goal.
 
         Raises:
             MacorError: there is no such planner, a setting is wrong, or its memory is missing.
@@ -51,7 +53,12 @@ class ScoredPlanners(PartSettings):
         made = list(zip(names, self.make_planners(names), strict=True))
         for _, planner in made if self.planner else ():
             memory_for(brain, planner)
-        return [name for name, planner in made if planner.memory in brain.memories]
+        return [
+            name
+            for name, planner in made
+            if planner.memory in brain.memories
+            and (self.planner or not isinstance(planner, Aiming))
+        ]
 
 
 class ReproduceOptions(Options):

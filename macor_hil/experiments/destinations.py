@@ -20,6 +20,7 @@ import numpy as np
 from khepera_protocol.zenoh.payloads import Outline, Pose
 from matplotlib.figure import Figure
 
+from macor_hil.experiments.drives.arena_files import points_of
 from macor_hil.experiments.drives.course import (
     Course,
     System,
@@ -235,7 +236,7 @@ def _driven(
     systems: Mapping[str, System],
 ) -> Result:
     outline = track.outline()
-    points = _points(target, outline)
+    points = points_of(target.arena, outline, target.colour)
     ways, lenient = (track.ways(points, target.reach + more) for more in (0.0, _LENIENT))
     starts, hopeless = _starts(settings, seed, track, ways)
 
@@ -260,16 +261,6 @@ def _driven(
             **{name: drive(system, settings.compared) for name, system in systems.items()},
         },
     }
-
-
-def _points(target: Target, outline: Outline) -> list[tuple[float, float]]:
-    """Return the points of what a goal is."""
-    from khepera_emulator.arenas.arena import load_arena
-    from khepera_emulator.routes.regions import edge_points
-
-    if target.colour is None:
-        return [lamp.centre for lamp in load_arena(target.arena).lamp]
-    return edge_points(outline, target.colour)
 
 
 def _starts(settings: Settings, seed: int, track: Track, ways: Ways) -> tuple[list[Start], int]:

@@ -7,7 +7,7 @@ whether the robot is in this process.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from khepera_protocol.serial.units import PULSE
@@ -18,9 +18,6 @@ from macor_hil.errors import BenchError
 from macor_hil.hardware.bench import Bench
 from macor_hil.hardware.driver import DriveSettings
 from macor_hil.runs.trials import MAX_COMMANDS, Trial
-
-if TYPE_CHECKING:
-    from khepera_emulator.routes.oracle import Oracle
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +83,7 @@ class Ways:
 
     def shortest(self, start: Pose, commands: int) -> int | None:
         """Return how many commands the shortest way has; None: no way has so few or less."""
+        way: tuple[int, ...] | None
         way = self._oracle.shortest_way(start, self._region.holds, commands)
         return None if way is None else len(way)
 
@@ -98,7 +96,8 @@ class Ways:
         return held
 
 
-def _oracle(bench: Bench) -> "Oracle":
+def _oracle(bench: Bench) -> Any:
+    """Return the emulator's search for what is possible."""
     from khepera_emulator.errors import EmulatorError
     from khepera_emulator.routes.oracle import Oracle
 

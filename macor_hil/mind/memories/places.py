@@ -85,7 +85,7 @@ class PlacesMemory:
 
     @property
     def skill(self) -> Skill | None:
-        """What a planner by foresight reads; None: too little was seen."""
+        """The robot's skill, which foresight reads; None: too little was seen."""
         return None if self.atlas is None else self.atlas.skill
 
     @property
@@ -96,7 +96,7 @@ class PlacesMemory:
 
     @property
     def sights(self) -> Array:
-        """What stood around, 0 to 1, shape (T, 24, 5)."""
+        """Sights of the views, 0 to 1, shape (T, 24, 5)."""
         sights = np.array([f.sights for f in self._frames], np.float64) / _LEVELS
         return sights.reshape(len(sights), SECTORS, len(CHANNELS))
 
