@@ -1,12 +1,17 @@
 """Driving to goals: charts, their worth, whereabouts, the planner, and the shortest ways."""
 
+from io import StringIO
 from math import pi, radians
 from pathlib import Path
 
 import numpy as np
 import pytest
 from as_type import as_type, not_none
+from controller_helpers import a_decision
+from khepera_protocol.zenoh.controller_payloads import Decision
+from khepera_protocol.zenoh.controller_payloads import Goal as SeenGoal
 from khepera_protocol.zenoh.payloads import Pose
+from rich.console import Console
 from short_training import train_shortly
 from standin import StandIn
 from typer.testing import CliRunner
@@ -20,7 +25,8 @@ from khepera_emulator.routes.regions import Region, edge_points
 from khepera_emulator.senses.camera import HEIGHT
 from khepera_emulator.world.outline import outline
 from macor_hil.arrays import Array
-from macor_hil.cli import app
+from macor_hil.cli.common import decision_line
+from macor_hil.cli.program import app
 from macor_hil.errors import MacorError
 from macor_hil.mind.foresight.chart.links import relative
 from macor_hil.mind.foresight.chart.matching import agreement, fitted
@@ -31,6 +37,9 @@ from macor_hil.mind.planners.destinations import NAMES, destination
 from macor_hil.mind.planners.goal import Goal
 from macor_hil.mind.planners.planner import aim_of, is_over
 from macor_hil.mind.planners.reactive import Reactive
+from macor_hil.monitor.dashboard import eyes, texts
+from macor_hil.monitor.robot_state import RobotState
+from macor_hil.monitor.terminal_view import render
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 
@@ -239,7 +248,7 @@ def test_a_map_without_places_is_refused_before_anything_moves() -> None:
 def test_a_run_ends_at_its_goal_and_tells_of_it(tmp_path: Path) -> None:
     map_file = train_shortly(tmp_path / "box.npz", tuning=30, random=600)
     assert as_type(PlacesMemory, load_map(map_file)[0].memories["places"]).atlas is not None
-    told = []
+    told: list[Decision] = []
     report = serve(
         RunOptions(
             goal="red",
@@ -278,3 +287,26 @@ def test_what_is_hidden_is_in_no_region() -> None:
     region = Region(edge_points(seen, (0.85, 0.2, 0.2)), seen, 0.12)
     places = Poses(np.array([0.88, 0.74, 0.88]), np.array([0.72, 0.74, 0.5]), np.zeros(3))
     assert region.holds(places).tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        (SeenGoal(name="red", bearing=0.4, reached=False), "red, seen 23° to the left"),
+        (SeenGoal(name="red", bearing=-0.4, reached=False), "red, seen 23° to the right"),
+        (SeenGoal(name="red", bearing=0.0, reached=False), "red, seen ahead"),
+        (SeenGoal(name="lamp", reached=False), "lamp, not in view"),
+        (SeenGoal(name="lamp", bearing=0.4, reached=True), "lamp, reached"),
+    ],
+)
+def test_monitors_tell_where_it_wants_to_go(goal: SeenGoal, words: str) -> None:
+    watched = RobotState("khepera")
+    watched.controlled.decision = a_decision(goal=goal)
+    assert words in texts.situation(watched)
+    assert words in decision_line(a_decision(goal=goal))
+    console = Console(width=120, record=True, file=StringIO())
+    console.print(render(watched, 0.0))
+    assert words in console.export_text()
+    assert ("goal" in eyes.panorama(watched)) == (goal.bearing is not None)
+    watched.controlled.decision = a_decision()
+    assert "goal" not in eyes.panorama(watched)
