@@ -350,7 +350,7 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
 
 
 def _picture(target: Target) -> str:
-    return f"destinations-{target.arena}-{target.goal.replace(':', '-')}"
+    return f"{target.arena}-{target.goal.replace(':', '-')}"
 
 
 def _ways(outline: Outline, trials: Sequence[Trial]) -> Figure:

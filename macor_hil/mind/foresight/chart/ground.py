@@ -29,11 +29,12 @@ _SHIFT: Final = 4
 _SEEN: Final = 2
 """Views that must have seen a cell as floor."""
 
-_NEAR: Final = 5
-"""Cells to the side of the square whose views tell whether a goal is seen at its middle."""
+_AROUND_A_CELL: Final = (5, 9, 17, 33)
+"""Cells to the side of the squares whose views tell whether a goal is seen at their middle; the
+smallest one counts that has enough views."""
 
-_DOUBT: Final = 2.0
-"""Views that have not seen it are taken to be there beside the true ones: one may be misplaced."""
+_VIEWS: Final = 6
+"""Views that are enough: one that is misplaced does not make a goal."""
 
 _LEAST: Final = 0.3
 _ENOUGH: Final = 0.6
@@ -68,13 +69,21 @@ class Ground:
         column, row = np.rint(self.places(poses)).astype(np.int64).T
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         cell = (row * columns + column)[inside]
-        size = rows * columns
         counts = [
-            np.bincount(cell, weight[inside], size).reshape(rows, columns)
+            np.bincount(cell, weight[inside], rows * columns).reshape(rows, columns)
             for weight in (np.ones(len(poses)), seen.astype(float))
         ]
-        every, some = (cv2.boxFilter(one, -1, (_NEAR, _NEAR), normalize=False) for one in counts)
-        share = some / (every + _DOUBT)
+        share, unknown = np.zeros((rows, columns)), np.ones((rows, columns), np.bool_)
+        for side in _AROUND_A_CELL:
+            every, some = (
+                cv2.boxFilter(
+                    one, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT
+                )
+                for one in counts
+            )
+            enough = unknown & (every > _VIEWS - 0.5)
+            share[enough] = some[enough] / every[enough]
+            unknown &= ~enough
         certain: Floats = np.clip((share - _LEAST) / (_ENOUGH - _LEAST), 0.0, 1.0)
         return certain.astype(np.float32)
 
