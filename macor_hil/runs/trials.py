@@ -112,4 +112,6 @@ def run_trial(
         reinforcement.append(step.reinforcement)
         collided = step.outcome.collided
         reached = not collided and is_over(aim_of(planner, step.after.moment))
+    # a robot that is put down at its goal drives no command
+    reached |= not collided and len(reinforcement) < commands
     return Trial(tuple(reinforcement), collided, truth.touched, tuple(path), reached)
