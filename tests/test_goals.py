@@ -10,7 +10,7 @@ from as_type import as_type, not_none
 from controller_helpers import a_decision
 from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.controller_payloads import Goal as SeenGoal
-from khepera_protocol.zenoh.payloads import Pose
+from khepera_protocol.zenoh.payloads import Pose, Reset
 from rich.console import Console
 from short_training import train_shortly
 from standin import StandIn
@@ -28,6 +28,10 @@ from macor_hil.arrays import Array
 from macor_hil.cli.common import decision_line
 from macor_hil.cli.program import app
 from macor_hil.errors import MacorError
+from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
+from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.experience import Moment
 from macor_hil.mind.foresight.chart.links import relative
 from macor_hil.mind.foresight.chart.matching import agreement, fitted
 from macor_hil.mind.foresight.chart.views import Views
@@ -35,13 +39,15 @@ from macor_hil.mind.map_file import load_map
 from macor_hil.mind.memories.places import PlacesMemory
 from macor_hil.mind.planners.destinations import NAMES, destination
 from macor_hil.mind.planners.goal import Goal
-from macor_hil.mind.planners.planner import aim_of, is_over
+from macor_hil.mind.planners.planner import Aim, Plan, aim_of, is_over
 from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.monitor.dashboard import eyes, texts
 from macor_hil.monitor.robot_state import RobotState
 from macor_hil.monitor.terminal_view import render
+from macor_hil.runs.agent import Agent
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
+from macor_hil.runs.trials import run_trial
 
 RED, BLUE, WHITE, YELLOW = (0.85, 0.2, 0.2), (0.3, 0.5, 0.85), (0.9, 0.9, 0.85), (0.85, 0.75, 0.25)
 
@@ -265,6 +271,26 @@ def test_a_run_ends_at_its_goal_and_tells_of_it(tmp_path: Path) -> None:
     assert last is not None
     assert (last.name, last.reached) == ("red", True)
     assert not any(not_none(decision.goal).reached for decision in told[:-1])
+
+
+class AtHome:
+    """Has reached its goal wherever it is."""
+
+    memory = "transitions"
+
+    def plan(self, _memory: object, _now: Moment) -> Plan:
+        raise AssertionError("there is nothing to plan")
+
+    def aim(self, _now: Moment) -> Aim:
+        return Aim("home", reached=True)
+
+
+def test_a_trial_that_begins_at_its_goal_drives_no_command() -> None:
+    with open_hardware("khepera://open-box?seed=1") as hardware:
+        agent = Agent(build_brain(), Driver(hardware.robot), hardware.camera)
+        rng = np.random.default_rng(1)
+        driven = run_trial(agent, AtHome(), not_none(hardware.bench), Reset(), rng, 5)
+    assert (driven.length, driven.reached, driven.collided) == (0, True, False)
 
 
 def test_the_shortest_way_is_that_of_exhaustive_search() -> None:
