@@ -288,6 +288,7 @@ class AtHome:
 def test_a_trial_that_begins_at_its_goal_drives_no_command() -> None:
     with open_hardware("khepera://open-box?seed=1") as hardware:
         agent = Agent(build_brain(), Driver(hardware.robot), hardware.camera)
+        agent.begin(learn=True)  # situations cannot be recognised without any
         rng = np.random.default_rng(1)
         driven = run_trial(agent, AtHome(), not_none(hardware.bench), Reset(), rng, 5)
     assert (driven.length, driven.reached, driven.collided) == (0, True, False)
