@@ -35,6 +35,7 @@ ELSEWHERE = {
     r"python examples/gymnasium_learner.py": "minutes of learning: tests/test_environment.py",
     r"macor-hil reproduce ": "half an hour and more: tests/test_experiments.py",
     r"macor-hil train .*runs/corridor.npz": "minutes: tests/test_macor_cli.py",
+    r"macor-hil (train|run) .*runs/maze.npz": "minutes: tests/test_goals.py",
     r"macor-hil (run|trials) .*runs/corridor.npz": "needs that map: tests/test_service.py",
 }
 """Commands that are not run here, and why or where they are instead."""

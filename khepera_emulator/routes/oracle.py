@@ -1,4 +1,4 @@
-"""The longest drive without a collision that is possible, by a search over an arena's floor plan.
+"""The longest drive and the shortest way that are possible, by searches over an arena's floor plan.
 
 The poses that one command leads to, then those after two, three ... are found layer by layer. Of
 a layer only so many poses are kept: one in each cell (a square of floor and a small range of
@@ -7,10 +7,12 @@ search ends as soon as one has all commands that were asked for. It is also cert
 longer if nothing but equal poses was ever merged. Otherwise wider layers are searched, and what the
 widest ones leave open is told.
 
+A shortest way to a region is found layer by layer, too; each small cell is passed once.
+
 This is ground truth, for scoring: the controller must not ask it for commands to drive.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, pi
 from typing import Final, NamedTuple
@@ -21,7 +23,7 @@ from khepera_protocol.zenoh.payloads import Outline, Pose, WheelDrift
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import MODELS, Model, find_model
-from khepera_emulator.routes.feelers import Feelers, Indices, Poses, solids_of
+from khepera_emulator.routes.feelers import Feelers, Flags, Indices, Poses, solids_of
 from khepera_emulator.world.rays import Array
 
 Ways = tuple[float, float]
@@ -56,6 +58,9 @@ _FINEST: Final = 0.5e-3
 
 _HASH: Final = np.array([1_000_003, 998_244_353, 2_147_483_647])
 """Primes that make one number of a cell's three; who shares it by chance is seen to be lost."""
+
+_WAY: Final = 0.006
+"""Metres: side of the cells in which a shortest way passes once."""
 
 _LEVER: Final = 0.1
 """Metres: a cell is as many radians wide as its side over this."""
@@ -144,10 +149,41 @@ class Oracle:
             layers, whole = self._search(start, commands, width)
             exact = whole or len(layers) == commands
             if exact or len(layers) > best.length:
-                best = LongestDrive(_way_to_the_end(layers), commands, exact)
+                best = LongestDrive(_way_to(layers, 0), commands, exact)
             if exact:
                 break
         return best
+
+    def shortest_way(
+        self, pose: Pose, holds: Callable[[Poses], Flags], commands: int
+    ) -> tuple[int, ...] | None:
+        """Find the shortest way to a region, up to merging poses of the same small cell.
+
+        Args:
+            pose: where the robot stands.
+            holds: tells which poses are in the region.
+            commands: length at which the search ends.
+
+        Returns:
+            Its commands, none if the robot is there already; None: there is no way.
+        """
+        start = Poses(*(np.array([value]) for value in (pose.x, pose.y, pose.heading)))
+        if holds(start).any():
+            return ()
+        if self._feelers.touch(start, np.zeros((1, 3))).any():
+            return None
+        layers: list[_Layer] = []
+        poses, visited = start, np.sort(_cells(start, _WAY))
+        while len(layers) < commands and len(poses.x):
+            reached = self._drive(poses)
+            keys, first = np.unique(_cells(reached.poses, _WAY), return_index=True)
+            new = ~np.isin(keys, visited, assume_unique=True)
+            layers.append(reached.take(first[new]))
+            there = np.flatnonzero(holds(layers[-1].poses))
+            if len(there):
+                return _way_to(layers, int(there[0]))
+            poses, visited = layers[-1].poses, np.concatenate([visited, keys[new]])
+        return None
 
     def _search(self, start: Poses, commands: int, width: int) -> tuple[list[_Layer], bool]:
         """Find the layers of poses, up to a number of commands, and whether they are whole."""
@@ -219,7 +255,7 @@ def _thin_out(layer: _Layer, width: int, cell: float) -> tuple[_Layer, float, bo
     places = np.stack([x, y, heading * _LEVER])
     cell = max(cell / 2, _FINEST) if len(x) > width else _SMALLEST
     while True:
-        keys = _HASH @ np.floor(places / cell).astype(np.int64)
+        keys = _cells(layer.poses, cell)
         _, kept, own = np.unique(keys, return_index=True, return_inverse=True)
         if len(kept) <= width:
             break
@@ -228,10 +264,16 @@ def _thin_out(layer: _Layer, width: int, cell: float) -> tuple[_Layer, float, bo
     return layer.take(kept), cell, bool((away > _EQUAL).any())
 
 
-def _way_to_the_end(layers: Sequence[_Layer]) -> tuple[int, ...]:
-    """Return the commands that lead to the first pose of the last layer."""
+def _cells(poses: Poses, cell: float) -> Indices:
+    """Return a number for the cell of each pose; that two share one by chance is unlikely."""
+    places = np.stack([poses.x, poses.y, poses.heading % (2 * pi) * _LEVER])
+    cells: Indices = _HASH @ np.floor(places / cell).astype(np.int64)
+    return cells
+
+
+def _way_to(layers: Sequence[_Layer], at: int) -> tuple[int, ...]:
+    """Return the commands that lead to a pose of the last layer."""
     commands = []
-    at = 0
     for layer in reversed(layers):
         commands.append(int(layer.command[at]))
         at = int(layer.before[at])

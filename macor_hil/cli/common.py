@@ -25,6 +25,7 @@ from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.line.serial_line import open_port
 from macor_hil.hardware.options import DeviceOptions, ZenohOptions
+from macor_hil.monitor.goals import goal_seen
 from macor_hil.telemetry.session import open_session
 
 COLUMNS = (
@@ -45,7 +46,8 @@ def decision_line(decision: Decision) -> str:
         f"{a.command} {'  -  ' if a.evaluation is None else f'{a.evaluation:5.2f}'}"
         for a in decision.alternatives
     )
-    end = "  COLLISION" if decision.collided else ""
+    goal = f"  {goal_seen(decision.goal)}" if decision.goal else ""
+    end = goal + ("  COLLISION" if decision.collided else "")
     return (
         f"{decision.sequence:3}  situation {decision.situation.node:2}  {values}"
         f"  -> {decision.command:8}  r {decision.reinforcement:.2f}{end}"

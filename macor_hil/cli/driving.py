@@ -60,6 +60,9 @@ class StopOptions(ZenohOptions):
 def run(options: RunOptions) -> None:
     """Drive a robot live by a map, publishing frames and decisions over Zenoh.
 
+    With --goal it is driven to what the camera saw somewhere in training, such as red walls or a
+    lamp, and ends there with exit status 0; an along: goal is kept to up to the last command.
+
     The robot is always stopped before the program ends: after the last command, a collision,
     Ctrl-C, SIGTERM, a closed terminal or an error, or when nobody reads what is printed. When robot
     or camera fail, it is stopped, and the run goes on once both work again. Exit status 3 after a

@@ -36,7 +36,7 @@ from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import PLANNERS, memory_for
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.options import PartSettings
-from macor_hil.mind.planners.planner import Planner
+from macor_hil.mind.planners.planner import Aiming, Planner
 from macor_hil.runs.agent import Agent
 from macor_hil.runs.options import TrialOptions
 from macor_hil.runs.possible import Possible, compare, judge
@@ -49,12 +49,14 @@ app = typer.Typer()
 class ScoredPlanners(PartSettings):
     """Planners that are scored."""
 
-    planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names, show_default="all")] = Field(
+    planner: Annotated[
+        tuple[str, ...], Cli(names=PLANNERS.names, show_default="all without a goal")
+    ] = Field(
         default=(), description="Planner; give several: {names}; or module:Class, file.py:Class."
     )
 
     def names_for(self, brain: Brain) -> list[str]:
-        """List the planners, or all whose memory a brain has.
+        """List the planners, or all whose memory a brain has, but for those that drive to a goal.
 
         Raises:
             MacorError: there is no such planner, a setting is wrong, or its memory is missing.
@@ -63,7 +65,12 @@ class ScoredPlanners(PartSettings):
         made = list(zip(names, self.make_planners(names), strict=True))
         for _, planner in made if self.planner else ():
             memory_for(brain, planner)
-        return [name for name, planner in made if planner.memory in brain.memories]
+        return [
+            name
+            for name, planner in made
+            if planner.memory in brain.memories
+            and (self.planner or not isinstance(planner, Aiming))
+        ]
 
 
 class ReproduceOptions(Options):
@@ -71,8 +78,8 @@ class ReproduceOptions(Options):
 
     name: Annotated[str, Cli(argument=True)] = Field(
         description="figure2 to figure5 or table1 of the paper; conditions, sensitivity, beyond,"
-        " goals, drift, arenas, amounts; peers, which needs the extra of that name; or all but"
-        " peers."
+        " goals, destinations, drift, arenas, amounts; peers, which needs the extra of that name;"
+        " or all but peers."
     )
     seeds: int = Field(default=30, ge=1, description="Training seeds: 1 to this number.")
     workers: Annotated[int | None, Cli(show_default="one for each processor")] = Field(

@@ -8,6 +8,7 @@ from khepera_protocol.extras import how_to_install
 
 from macor_hil.errors import MacorError
 from macor_hil.experiments.beyond import BEYOND
+from macor_hil.experiments.destinations import DESTINATIONS
 from macor_hil.experiments.drift import DRIFT
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.goals import GOALS
@@ -33,6 +34,7 @@ EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     SENSITIVITY,
     BEYOND,
     GOALS,
+    DESTINATIONS,
     DRIFT,
     ARENAS,
     AMOUNTS,

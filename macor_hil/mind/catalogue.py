@@ -27,6 +27,7 @@ PLANNERS: Final = Registry(
         "fitted-q": "macor_hil.mind.planners.fitted_q:FittedQ",
         "successor": "macor_hil.mind.planners.successor:Successor",
         "foresight": "macor_hil.mind.planners.foresight:Foresight",
+        "goal": "macor_hil.mind.planners.goal:Goal",
     },
 )
 MEMORIES: Final = Registry(
@@ -39,6 +40,7 @@ MEMORIES: Final = Registry(
         "fitted-q": "macor_hil.mind.memories.fitted_q:FittedQMemory",
         "successor": "macor_hil.mind.memories.successor:SuccessorMap",
         "foresight": "macor_hil.mind.memories.foresight:ForesightMemory",
+        "places": "macor_hil.mind.memories.places:PlacesMemory",
     },
 )
 CLUSTERERS: Final = Registry(

@@ -39,6 +39,7 @@ def _memories() -> dict[str, Part]:
         "q-learning": Part("q-learning"),
         "weak-q-learning": Part("q-learning", {"gamma": 0.0}),
         "foresight": Part("foresight"),
+        "places": Part("places"),
     }
 
 

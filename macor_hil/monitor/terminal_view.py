@@ -18,6 +18,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from macor_hil.monitor.goals import goal_seen
 from macor_hil.monitor.robot_state import Arrivals, Controlled, Emulated, RobotState
 
 _BAR_WIDTH: Final = 32
@@ -146,6 +147,8 @@ def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) 
         Text(f"{seen.node} (neuron {seen.neuron}), match {seen.match:.3f}, ") + resonance,
     )
     _add_alternatives(rows, decision)
+    if decision.goal:
+        rows.add_row("goal", Text(goal_seen(decision.goal)))
     ahead = "  ".join(f"{step.command}→{step.node}" for step in decision.sequence_ahead)
     length = len(decision.sequence_ahead)
     rows.add_row("best sequence", Text(printable(f"{length}: {ahead}" if length else "none")))

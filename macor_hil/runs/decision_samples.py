@@ -12,6 +12,7 @@ from khepera_protocol.zenoh.controller_payloads import (
     Decision,
     Eye,
     Fields,
+    Goal,
     Hypothesis,
     Learned,
     Link,
@@ -24,6 +25,7 @@ from macor_hil.hardware.line.line_statistics import Reading
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.eyes.opponent import CHANNELS
 from macor_hil.mind.eyes.panorama import PanoramaEyes
+from macor_hil.mind.planners.planner import Aim
 from macor_hil.runs.agent import Step
 
 _DIGITS: Final = 4
@@ -37,6 +39,7 @@ def decision_of(
     sequence: int,
     total_reinforcement: float,
     odometry: Odometry,
+    aim: Aim | None = None,
 ) -> Decision:
     """Return the payload of a step.
 
@@ -46,6 +49,7 @@ def decision_of(
         sequence: number of the step in its run, from 0.
         total_reinforcement: of the run, this step included.
         odometry: after the command.
+        aim: the planner's goal as it is seen after it; None: it has none.
     """
     seen = step.before.moment
     return Decision(
@@ -76,6 +80,7 @@ def decision_of(
         collided=step.outcome.collided,
         infrared=list(step.outcome.proximity),
         odometry=odometry,
+        goal=None if aim is None else Goal(name=aim.name, bearing=aim.bearing, reached=aim.reached),
     )
 
 

@@ -4,7 +4,7 @@
 
     serve            read the map, make the planner: nothing has moved yet
                      take over signals, open Zenoh, tell watchers, open robot and camera
-      drive          until a collision, the last command, or somebody ends the run
+      drive          until a collision, the last command, a goal, or somebody ends the run
         _drive_on      look, plan, drive a command, tell watchers; again
         _recover       after a failure: stop, wait until robot and camera work, drive on
                      whatever is raised stops the robot before it goes on (`standing_on_failure`)
@@ -40,7 +40,7 @@ from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import memory_for
 from macor_hil.mind.experience import Moment
 from macor_hil.mind.map_file import load_map
-from macor_hil.mind.planners.planner import Plan, Planner
+from macor_hil.mind.planners.planner import Aim, Plan, Planner, Preparing, aim_of, is_over
 from macor_hil.runs.agent import Agent
 from macor_hil.runs.options import RunOptions
 from macor_hil.runs.recovery import wait_until_both_work
@@ -61,7 +61,7 @@ _ORIGIN: Final = Pose(x=0.0, y=0.0, heading=0.0)
 
 
 def serve(options: RunOptions, on_step: OnStep | None = None, start: Pose = _ORIGIN) -> RunReport:
-    """Drive until a collision, the last command, or a signal; the robot stands afterwards.
+    """Drive until a collision, the last command, a goal or a signal; the robot stands afterwards.
 
     SIGINT, SIGTERM and SIGHUP are taken over meanwhile and end the run. When robot or camera
     fail, the robot is stopped and the run goes on as soon as both work again.
@@ -77,7 +77,9 @@ def serve(options: RunOptions, on_step: OnStep | None = None, start: Pose = _ORI
     """
     brain, settings = _prepare(options)
     planner = options.make_planner()
-    memory_for(brain, planner)  # a map without it is refused before anything moves
+    memory = memory_for(brain, planner)  # a map without it is refused before anything moves
+    if isinstance(planner, Preparing):
+        planner.prepare(memory)
     with (
         signals_taken_over() as interruption,
         _telemetry(options, interruption) as (session, publisher),
@@ -156,7 +158,7 @@ class _LiveRun:
         self._in_a_row = 0
 
     def drive(self, planner: Planner) -> Ending:
-        """Drive to a collision or the last command.
+        """Drive to a collision, the last command, or a goal.
 
         Raises:
             RobotError, CameraError: the hardware fails, and does not come back in time.
@@ -183,14 +185,17 @@ class _LiveRun:
 
     def _drive_on(self, agent: Agent, planner: Planner, rng: np.random.Generator) -> Ending:
         self._reporter.begin()
-        left = self._options.commands - self._reporter.driven
-        for step in drive(agent, planner, rng, left):
+        aim = None
+        for step in drive(agent, planner, rng, self._options.commands - self._reporter.driven):
             self._in_a_row = 0
-            self._reporter.count(step, self._robot)
+            aim = aim_of(planner, step.after.moment)
+            self._reporter.count(step, self._robot, aim)
             self._interruption.check()
             if step.outcome.collided:
                 return Ending.COLLISION
-        return Ending.COMMANDS
+        # a robot that stands at its goal from the beginning drives no command
+        at_goal = is_over(aim) or self._reporter.driven < self._options.commands
+        return Ending.GOAL if at_goal else Ending.COMMANDS
 
     def _recover(self, error: MacorError) -> None:
         """Stop, wait until robot and camera work again, and know where that leaves the robot.
@@ -242,3 +247,7 @@ class _TimedPlanner:
         """Let the planner plan."""
         with self._bell.timing(lambda: self._reporter.say(Phase.DRIVING)):
             return self._planner.plan(memory, now)
+
+    def aim(self, now: Moment) -> Aim | None:
+        """Return the planner's goal, if it has one."""
+        return aim_of(self._planner, now)

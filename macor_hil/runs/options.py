@@ -6,8 +6,9 @@ from typing import Annotated, Final
 
 from khepera_protocol.options import Cli
 from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT
-from pydantic import Field
+from pydantic import Field, field_validator
 
+from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras.camera_watch import DEFAULT_LIMIT
 from macor_hil.hardware.options import (
     DeviceOptions,
@@ -18,10 +19,16 @@ from macor_hil.hardware.options import (
     SpeedOptions,
 )
 from macor_hil.mind.options import AllowOptions, PlannerOptions
+from macor_hil.mind.planners.destinations import NAMES as DESTINATIONS
+from macor_hil.mind.planners.destinations import destination
+from macor_hil.mind.planners.planner import Planner
 from macor_hil.runs.training import Recovery, Schedule
 from macor_hil.runs.trials import MAX_COMMANDS
 
 _SCHEDULE: Final = Schedule()
+
+_TO_GOALS: Final = "goal"
+"""The planner that drives to goals."""
 
 _MOST_COMMANDS: Final = 500_000
 """Of each kind: a map of more transitions than both together would not be read again."""
@@ -104,6 +111,11 @@ class RunOptions(
     With neither `listen` nor `connect` nor `zenoh_config` there is no Zenoh session at all.
     """
 
+    goal: Annotated[str, Cli(metavar="NAME", names=lambda: DESTINATIONS)] = Field(
+        default="",
+        description="Drive to what the camera sees, with the planner goal: {names}. The run ends"
+        " there, or with the last command.",
+    )
     commands: int = Field(default=MAX_COMMANDS, ge=1, description="Commands to drive at most.")
     listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
         default=(CONTROLLER_ENDPOINT,), description="Where watchers find this controller."
@@ -127,3 +139,29 @@ class RunOptions(
         ge=0.0,
         description="Seconds to go on trying when robot or camera fail; 0: a failure ends the run.",
     )
+
+    @field_validator("goal")
+    @classmethod
+    def _is_a_destination(cls, goal: str) -> str:
+        try:
+            return goal and destination(goal).name
+        except MacorError as error:
+            raise ValueError(str(error)) from None
+
+    @property
+    def planner_name(self) -> str:
+        """Name of the planner: where a goal is given, the one that drives to goals."""
+        default = RunOptions.model_fields["planner"].default
+        return _TO_GOALS if self.goal and self.planner == default else self.planner
+
+    def make_planner(self) -> Planner:
+        """Make the planner with its settings, the goal among them.
+
+        Raises:
+            MacorError: there is no such planner, a setting is wrong, or it takes no goal.
+        """
+        if not self.goal:
+            return super().make_planner()
+        goal = f"planner.goal={self.goal}"
+        aimed = self.model_copy(update={"settings": (*self.settings, goal)})
+        return aimed.make_planners([self.planner_name])[0]

@@ -7,7 +7,9 @@ whether the robot is in this process.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 from khepera_protocol.serial.units import PULSE
 from khepera_protocol.zenoh.payloads import Pose
 
@@ -52,6 +54,50 @@ def judge(bench: Bench, commands: int = MAX_COMMANDS) -> Judge:
     Raises:
         BenchError: the emulator does not answer, or its robot is unknown here.
     """
+    oracle = _oracle(bench)
+
+    def tell(start: Pose) -> Possible:
+        longest = oracle.longest_drive(start, commands)
+        return Possible(longest.length, commands, longest.exact)
+
+    return tell
+
+
+class Ways:
+    """Shortest ways of an emulated robot to a region: near some points, and in their sight.
+
+    Args:
+        bench: of the robot, which is driven with the usual settings.
+        points: places in metres.
+        reach: metres.
+
+    Raises:
+        BenchError: the emulator does not answer, or its robot is unknown here.
+    """
+
+    def __init__(self, bench: Bench, points: Sequence[tuple[float, float]], reach: float) -> None:
+        from khepera_emulator.routes.regions import Region
+
+        self._oracle = _oracle(bench)
+        self._region = Region(points, bench.outline(), reach)
+
+    def shortest(self, start: Pose, commands: int) -> int | None:
+        """Return how many commands the shortest way has; None: no way has so few or less."""
+        way: tuple[int, ...] | None
+        way = self._oracle.shortest_way(start, self._region.holds, commands)
+        return None if way is None else len(way)
+
+    def inside(self, path: Sequence[Pose]) -> list[bool]:
+        """Tell which poses of a path are in the region."""
+        from khepera_emulator.routes.feelers import Poses
+
+        x, y, heading = np.array([(p.x, p.y, p.heading) for p in path]).reshape(-1, 3).T
+        held: list[bool] = self._region.holds(Poses(x, y, heading)).tolist()
+        return held
+
+
+def _oracle(bench: Bench) -> Any:
+    """Return the emulator's search for what is possible."""
     from khepera_emulator.errors import EmulatorError
     from khepera_emulator.routes.oracle import Oracle
 
@@ -59,15 +105,9 @@ def judge(bench: Bench, commands: int = MAX_COMMANDS) -> Judge:
     counts = [settings.wheels.counts(each.way, each.turn) for each in COMMANDS]
     ways = [(round(left) * PULSE, round(right) * PULSE) for left, right in counts]
     try:
-        oracle = Oracle(bench.outline(), ways, bench.truth().drift, settings.collision)
+        return Oracle(bench.outline(), ways, bench.truth().drift, settings.collision)
     except EmulatorError as error:
         raise BenchError(f"cannot tell what is possible: {error}") from None
-
-    def tell(start: Pose) -> Possible:
-        longest = oracle.longest_drive(start, commands)
-        return Possible(longest.length, commands, longest.exact)
-
-    return tell
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.odometry import Wheels, integrate
 from macor_hil.mind.brain import Brain
+from macor_hil.mind.planners.planner import Aim
 from macor_hil.runs.agent import Step
 from macor_hil.runs.decision_samples import decision_of, learned_of, link_of
 from macor_hil.runs.options import RunOptions
@@ -35,6 +36,7 @@ class Ending(StrEnum):
 
     COMMANDS = "all commands driven"
     COLLISION = "collision"
+    GOAL = "goal reached"
     INTERRUPTED = "interrupted"
 
 
@@ -151,8 +153,14 @@ class RunReporter:
         self._odometry = Odometry(pose=self._odometry.pose, counters=(0, 0))
         self.say(Phase.DRIVING)
 
-    def count(self, step: Step, robot: Khepera) -> None:
-        """Count a step, and tell it."""
+    def count(self, step: Step, robot: Khepera, aim: Aim | None = None) -> None:
+        """Count a step, and tell it.
+
+        Args:
+            step: what was driven.
+            robot: that drove it.
+            aim: the planner's goal as it is seen after it; None: it has none.
+        """
         self._time = self._clock()
         self.total += step.reinforcement
         self.move_to(step.outcome.counters)
@@ -164,6 +172,7 @@ class RunReporter:
                 sequence=sequence,
                 total_reinforcement=self.total,
                 odometry=self._odometry,
+                aim=aim,
             )
             if self._publisher:
                 self._publisher.decision(decision)
@@ -187,7 +196,7 @@ class RunReporter:
         with _telling():
             state = State(
                 phase=phase,
-                planner=options.planner[:MOST_TEXT],
+                planner=options.planner_name[:MOST_TEXT],
                 port=options.port[:MOST_TEXT],
                 camera=options.camera[:MOST_TEXT],
                 map=str(options.map_file)[:MOST_TEXT],

@@ -9,7 +9,7 @@ from khepera_protocol.zenoh.payloads import Pose, Reset, Truth
 
 from macor_hil.commands import COMMANDS
 from macor_hil.hardware.bench import Bench
-from macor_hil.mind.planners.planner import Planner
+from macor_hil.mind.planners.planner import Planner, aim_of, is_over
 from macor_hil.runs.agent import Agent, Step
 
 MAX_COMMANDS = 40
@@ -44,12 +44,14 @@ class Trial:
         collided: whether the robot's own sensors ended it.
         touched: whether its body really touched something (ground truth).
         path: ground truth, at the start and after every command.
+        reached: whether the planner's goal was reached, which ended it.
     """
 
     reinforcement: tuple[float, ...]
     collided: bool
     touched: bool
     path: tuple[Pose, ...]
+    reached: bool = False
 
     @property
     def length(self) -> int:
@@ -70,7 +72,7 @@ def fallback(rng: np.random.Generator) -> Callable[[], int]:
 def drive(
     agent: Agent, planner: Planner, rng: np.random.Generator, commands: int = MAX_COMMANDS
 ) -> Iterator[Step]:
-    """Drive by a planner until a collision or the last command.
+    """Drive by a planner until a collision, the last command, or its goal, where it has one.
 
     Raises:
         RobotError, CameraError: the hardware fails.
@@ -78,6 +80,8 @@ def drive(
     choose = agent.planned(planner, fallback(rng))
     view = agent.begin(learn=False)
     for _ in range(commands):
+        if is_over(aim_of(planner, view.moment)):
+            return
         step = agent.step(view, choose, learn=False)
         yield step
         if step.outcome.collided:
@@ -101,10 +105,13 @@ def run_trial(
     truth: Truth = bench.reset(start)
     path = [truth.pose]
     reinforcement = []
-    collided = False
+    collided = reached = False
     for step in drive(agent, planner, rng, commands):
         truth = bench.truth()
         path.append(truth.pose)
         reinforcement.append(step.reinforcement)
         collided = step.outcome.collided
-    return Trial(tuple(reinforcement), collided, truth.touched, tuple(path))
+        reached = not collided and is_over(aim_of(planner, step.after.moment))
+    # a robot that is put down at its goal drives no command
+    reached |= not collided and len(reinforcement) < commands
+    return Trial(tuple(reinforcement), collided, truth.touched, tuple(path), reached)

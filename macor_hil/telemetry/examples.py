@@ -10,6 +10,7 @@ from khepera_protocol.zenoh.controller_payloads import (
     Decision,
     Eye,
     Fields,
+    Goal,
     Hypothesis,
     Learned,
     Link,
@@ -87,6 +88,7 @@ _ALL: Final[tuple[Payload, ...]] = (
         collided=False,
         infrared=[0, 12, 180, 171, 9, 0, 0, 0],
         odometry=Odometry(pose=Pose(x=0.021, y=0.0, heading=0.0), counters=(262, 263)),
+        goal=Goal(name="red", bearing=0.393, reached=False),
     ),
     Learned(
         situations=2,

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from khepera_protocol.zenoh.payloads import Outline
+
 from macor_hil.errors import MacorError
 from macor_hil.files import write_atomically
 
@@ -52,6 +54,22 @@ class Place:
         if isinstance(self.arena, int):
             return generate(self.arena, own_colours=self.own_colours).text
         return arena_text(with_own_colours(load_arena(self.arena)))
+
+
+def points_of(
+    arena: str, outline: Outline, colour: tuple[float, float, float] | None
+) -> list[tuple[float, float]]:
+    """Return points in metres along the edges of all solids of a colour; None: an arena's lamps.
+
+    Raises:
+        EmulatorError: there is no such arena.
+    """
+    from khepera_emulator.arenas.arena import load_arena
+    from khepera_emulator.routes.regions import edge_points
+
+    if colour is None:
+        return [lamp.centre for lamp in load_arena(arena).lamp]
+    return edge_points(outline, colour)
 
 
 def bundled_arenas() -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.planner import Planner
 from macor_hil.runs.agent import Agent
-from macor_hil.runs.possible import Possible, judge
+from macor_hil.runs.possible import Possible, Ways, judge
 from macor_hil.runs.trials import MAX_COMMANDS, Spread, Trial, run_trial
 
 
@@ -101,6 +101,34 @@ class Track:
         """
         tell = judge(self._bench, self._course.commands)
         return [tell(one.path[0]) for one in trials]
+
+    def free_place(self, chance: int) -> Pose:
+        """Put the robot down at a free place anywhere in the arena, and return it.
+
+        Raises:
+            BenchError: the emulator does not answer.
+        """
+        return self._bench.reset(Reset(random=True, seed=chance)).pose
+
+    def drive_from(
+        self, system: System, start: Pose, commands: int, rng: np.random.Generator
+    ) -> Trial:
+        """Drive one trial of a system from a pose.
+
+        Raises:
+            RobotError, CameraError, BenchError: the hardware or the emulator fails.
+        """
+        agent = Agent(system.brain, Driver(self._hardware.robot), self._hardware.camera)
+        start_there = Reset(pose=start)
+        return run_trial(agent, system.planner, self._bench, start_there, rng, commands)
+
+    def ways(self, points: Sequence[tuple[float, float]], reach: float) -> Ways:
+        """Return the ways to where one of some points is near.
+
+        Raises:
+            BenchError: the emulator does not answer.
+        """
+        return Ways(self._bench, points, reach)
 
     def _trial(self, agent: Agent, planner: Planner, seed: int, number: int) -> Trial:
         rng = np.random.default_rng([seed, number])

@@ -17,6 +17,7 @@ from macor_hil.mind.memories.fitted_q import FittedQMemory
 from macor_hil.mind.memories.foresight import ForesightMemory
 from macor_hil.mind.memories.graded import GradedMemory, GradedSituations
 from macor_hil.mind.memories.memory import Memory
+from macor_hil.mind.memories.places import PlacesMemory
 from macor_hil.mind.memories.prototypes import placed
 from macor_hil.mind.memories.q_map import QMap
 from macor_hil.mind.memories.successor import SuccessorMap
@@ -42,6 +43,8 @@ GRADED: Final = "graded"
 FITTED_Q: Final = "fitted-q"
 SUCCESSOR: Final = "successor"
 FORESIGHT: Final = "foresight"
+PLACES: Final = "places"
+GOAL: Final = "goal"
 
 _PLANNERS: Final[Mapping[str, Callable[[], Planner]]] = {
     REACTIVE: Reactive,
@@ -158,6 +161,19 @@ def _memories(learning: Learning, recording: Recording) -> dict[str, Callable[[]
 
 def _directions(eyes: Eyes) -> int:
     return eyes.directions if isinstance(eyes, FloorSeeing) else 0
+
+
+def learn_places(brain: Brain, recording: Recording) -> Brain:
+    """Return a brain with a memory of the places of a recording, for goals to come.
+
+    Args:
+        brain: that of the recording, or another one with its eyes.
+        recording: of a drive, with eyes that see where the floor ends.
+    """
+    assert isinstance(brain.eyes, FloorSeeing)
+    knowing = replace(brain, memories={PLACES: PlacesMemory(brain.eyes.directions)})
+    knowing.relive(recording.seen(), situations=False)
+    return knowing
 
 
 def situations_of(recording: Recording) -> GradedSituations:

@@ -193,6 +193,11 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     return result
 
 
+def drives(settings: Settings, files: Path) -> list[Drive]:
+    """Return the training drives of a seed."""
+    return [_drive(settings, condition, files) for condition in settings.conditions]
+
+
 def _drive(settings: Settings, condition: Condition, files: Path) -> Drive:
     """Return the drive that a condition learns from."""
     drive = settings.drive
@@ -441,4 +446,5 @@ CONDITIONS: Final = Experiment(
     most_seeds=10,
     quick=QUICK,
     rows=rows,
+    drives=drives,
 )

@@ -13,7 +13,7 @@ is planning with a local map that is thrown away at every step, as in the dynami
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import Annotated, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ from macor_hil.mind.foresight.drives import Stride, hypothetical_drives
 from macor_hil.mind.foresight.floor import clearance, solids
 from macor_hil.mind.foresight.skill import Skill
 from macor_hil.mind.foresight.view import CLEARANCES, UNSEEN, bins_of, cells_of, raster
-from macor_hil.mind.memories.foresight import ForesightMemory
 from macor_hil.mind.planners.planner import NO_PLAN, Plan, best_command
 
 _EXACT: Final = 4
@@ -55,6 +54,15 @@ class _Foreseen:
     earns: _Values
 
 
+class Skilled(Protocol):
+    """A memory that knows the robot's skill."""
+
+    @property
+    def skill(self) -> Skill | None:
+        """The skill; None: it has not been learned."""
+        ...
+
+
 class Foresight:
     """Expected reinforcement of the next 42 commands.
 
@@ -74,7 +82,7 @@ class Foresight:
         self._drives: list[_Foreseen] = []
         self._first = np.zeros((0, 2))
 
-    def plan(self, memory: ForesightMemory, now: Moment) -> Plan:
+    def plan(self, memory: Skilled, now: Moment) -> Plan:
         """Evaluate the commands; none where nothing was learned, or no floor is seen."""
         if memory.skill is None or now.floor is None:
             return NO_PLAN

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, runtime_checkable
 
 from macor_hil.commands import COMMANDS
 from macor_hil.mind.experience import Moment
@@ -66,6 +66,52 @@ class Planner(Protocol):
             now: what the robot sees, and the neuron it is in.
         """
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """A goal that a planner drives to, as the camera sees it at a moment.
+
+    Attributes:
+        name: of the goal.
+        bearing: direction in which it is seen, radians to the left of straight ahead; None: it is
+            not seen.
+        reached: whether the robot is there.
+        ends: whether a drive ends there.
+    """
+
+    name: str
+    bearing: float | None = None
+    reached: bool = False
+    ends: bool = True
+
+
+@runtime_checkable
+class Aiming(Protocol):
+    """Planners that may drive to a goal."""
+
+    def aim(self, now: Moment) -> Aim | None:
+        """Return the goal as it is seen at a moment; None: there is none."""
+        ...
+
+
+@runtime_checkable
+class Preparing(Protocol):
+    """Planners that think about a memory before the first decision."""
+
+    def prepare(self, memory: Any) -> None:
+        """Do what is done once for a memory, and may take seconds."""
+        ...
+
+
+def aim_of(planner: Planner, now: Moment) -> Aim | None:
+    """Return a planner's goal as it is seen at a moment; None: it has none."""
+    return planner.aim(now) if isinstance(planner, Aiming) else None
+
+
+def is_over(aim: Aim | None) -> bool:
+    """Tell whether a drive ends because its goal is reached."""
+    return aim is not None and aim.reached and aim.ends
 
 
 def ranked(hypotheses: Iterable[Hypothesis], commands: int) -> tuple[Hypothesis, ...]:

@@ -7,13 +7,14 @@ from typing import Final
 
 import cv2
 from khepera_protocol.mirror import Mirror
-from khepera_protocol.zenoh.controller_payloads import Eye, Fields
+from khepera_protocol.zenoh.controller_payloads import Eye, Fields, Goal
 
 from macor_hil.arrays import Image
 from macor_hil.errors import CameraError
 from macor_hil.hardware.cameras.decoding import check_picture, decode_picture
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.monitor.dashboard.svg import BEST, FAINT, drawing, element, heat, label, points, tip
+from macor_hil.monitor.goals import goal_seen
 from macor_hil.monitor.robot_state import RobotState
 
 _SIZE: Final = PanoramaSize(columns=360, rows=80)
@@ -66,6 +67,8 @@ def panorama(watched: RobotState) -> str:
     shapes = []
     if watched.frame and (unwrapped := _unwrapped(watched.frame, learned.eye if learned else None)):
         shapes.append(_picture(unwrapped, columns, rows))
+    if decision and decision.goal and decision.goal.bearing is not None:
+        shapes.append(_aim(decision.goal, decision.goal.bearing))
     height: float = rows + _CAPTION
     if learned:
         shapes += _profiles(learned.fields)
@@ -92,6 +95,18 @@ def panorama(watched: RobotState) -> str:
         *shapes,
         title="panorama with the receptive fields",
         viewBox=f"{-_MARGIN} 0 {columns + _MARGIN} {height:g}",
+    )
+
+
+def _aim(goal: Goal, bearing: float) -> str:
+    """Mark the direction in which the goal is seen."""
+    x = (pi - bearing) / (2 * pi) % 1.0 * _SIZE.columns
+    return element(
+        "path",
+        tip(goal_seen(goal)),
+        d=f"M {x - 6:.1f} 0 L {x + 6:.1f} 0 L {x:.1f} 12 Z",
+        fill=BEST,
+        data_kind="goal",
     )
 
 

@@ -8,6 +8,7 @@ from typing import Final
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.controller_payloads import Phase
 
+from macor_hil.monitor.goals import goal_seen
 from macor_hil.monitor.robot_state import Arrivals, RobotState
 
 _LINES: Final = 12
@@ -62,7 +63,8 @@ def situation(watched: RobotState) -> str:
         return "no decision yet"
     seen = decision.situation
     known = "resonates" if seen.resonant else "unknown, the nearest one"
-    end = " · COLLISION" if decision.collided else ""
+    end = f" · to {goal_seen(decision.goal)}" if decision.goal else ""
+    end += " · COLLISION" if decision.collided else ""
     return (
         f"command {decision.sequence}: situation {seen.node}, match {seen.match:.3f}, {known} ·"
         f" {len(decision.hypotheses)} sequences in {decision.steps} steps{end}"

@@ -77,6 +77,19 @@ class Odometry(Payload):
     counters: tuple[Integer, Integer] = Field(description="encoder counts, left and right")
 
 
+class Goal(Payload):
+    """A goal that the robot is driven to, as its camera sees it."""
+
+    name: Name
+    bearing: Real | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,
+        description="direction in which it is seen after the command, radians, left positive;"
+        " absent: it is not seen",
+    )
+    reached: bool = Field(description="whether the robot is there after the command")
+
+
 class Decision(Payload):
     """A decision and its outcome; published when the command has been driven."""
 
@@ -111,6 +124,11 @@ class Decision(Payload):
         description="the last proximity reading, 0 far to 1023 near, in the order of N's reply",
     )
     odometry: Odometry
+    goal: Goal | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,
+        description="absent: the planner has none",
+    )
 
 
 class Phase(StrEnum):
