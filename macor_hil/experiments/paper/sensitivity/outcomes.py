@@ -81,8 +81,8 @@ LABELS: Final = {
     "turn": "r of a turn",
     "collision": "r of a collision",
     "commands": "commands of training",
-    "width": "width of the corridor, m",
-    "distance": "start to end wall, m",
+    "width": "corridor width (m)",
+    "distance": "start to end wall (m)",
 }
 """Fields of points in tables and pictures."""
 
