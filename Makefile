@@ -8,14 +8,27 @@
 #   make soak-watchers    an hour of eight robots and all who watch them, five times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
+#   make docs             the documentation site, in build/site/VERSION (a few minutes)
+#   make man              man pages of both programs and their commands, in build/man
+#   make dist             source distribution and wheel, built and checked, in dist
+#   make workflows        the forge's workflow files and forms, checked
 #   make stop-times       how long the robot rolls on when it must stop (an hour)
 
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
 VENV := .venv
-BIN := $(VENV)/bin
+SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
+BIN := $(VENV)/$(SCRIPTS)
 READY := $(VENV)/ready
+# Sphinx and the dashboard want different versions of docutils: two environments.
+RELEASE_VENV := .venv-release
+RELEASE_BIN := $(RELEASE_VENV)/$(SCRIPTS)
+RELEASE_READY := $(RELEASE_VENV)/ready
 
-.PHONY: run test lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times lock clean
+# The site of a release is a folder of its own; others stay beside it.
+VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+SITE ?= build/site
+
+.PHONY: run test lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist workflows lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -55,6 +68,27 @@ soak-service: $(READY)
 soak-watchers: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak_watchers.py
 
+docs: $(RELEASE_READY)
+	rm -rf $(SITE)/$(VERSION)
+	$(RELEASE_BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site \
+		-d build/doctrees -D version=$(VERSION) -D release=$(VERSION) docs $(SITE)/$(VERSION)
+
+man: $(READY)
+	$(BIN)/python docs/man.py build/man
+
+dist: $(RELEASE_READY)
+	rm -rf dist
+	$(RELEASE_BIN)/python -m build --outdir dist
+	$(RELEASE_BIN)/twine check --strict dist/*
+
+workflows: $(RELEASE_READY)
+	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
+	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
+	$(RELEASE_BIN)/zizmor --offline --quiet .github
+
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "CPython 3.11 or newer is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
@@ -65,10 +99,16 @@ $(READY): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
 	touch $@
 
+$(RELEASE_READY): requirements-release.lock pyproject.toml
+	test -x $(RELEASE_BIN)/python || $(PYTHON) -m venv $(RELEASE_VENV)
+	$(RELEASE_BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-release.lock
+	$(RELEASE_BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
+	touch $@
+
 # Every extra but that of the benchmarks, whose peer is heavy and optional.
 EXTRAS = import tomllib; \
 	extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; \
-	print(*(f"--extra={extra}" for extra in extras if extra not in ("benchmarks", "peers")))
+	print(*(f"--extra={extra}" for extra in extras if extra not in ("benchmarks", "docs", "peers", "release")))
 
 # Pin the newest versions that pyproject.toml admits (needs uv, which is not installed otherwise).
 lock: $(READY)
@@ -76,6 +116,9 @@ lock: $(READY)
 	$(BIN)/uv pip compile pyproject.toml $$($(BIN)/python -c '$(EXTRAS)') \
 		--universal --python-version 3.11 \
 		--generate-hashes --no-header --no-annotate --upgrade --quiet -o requirements.lock
+	$(BIN)/uv pip compile pyproject.toml --extra=build --extra=docs --extra=release \
+		--universal --python-version 3.11 \
+		--generate-hashes --no-header --no-annotate --upgrade --quiet -o requirements-release.lock
 
 clean:
-	rm -rf $(VENV) runs build *.egg-info
+	rm -rf $(VENV) $(RELEASE_VENV) runs build *.egg-info

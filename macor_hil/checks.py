@@ -11,6 +11,7 @@ what is wrong, at the first thing that `run`, `train` or an experiment would stu
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from math import isfinite
 from typing import Any, Final
@@ -24,12 +25,12 @@ from macor_hil.errors import CameraError
 from macor_hil.hardware.cameras import Frame
 from macor_hil.hardware.cameras.catalogue import make_camera
 from macor_hil.mind.brain import Brain
-from macor_hil.mind.catalogue import build_brain
+from macor_hil.mind.catalogue import MEMORIES, build_brain
 from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.eyes.eyes import Eyes
 from macor_hil.mind.memories.memory import Memory
 from macor_hil.mind.planners.planner import Plan
-from macor_hil.mind.settings import MindSettings, make_part
+from macor_hil.mind.settings import MindSettings, Part, make_part
 
 _NODES: Final = 8
 _FEATURES: Final = 12
@@ -47,13 +48,13 @@ def check_planner(planner: Any, memory: Memory | None = None, **settings: Any) -
 
     Args:
         planner: the class.
-        memory: an empty memory of the kind that it reads, where that is not a default one.
+        memory: an empty memory of the kind that it reads, where that is not in the catalogue.
         settings: other than the defaults.
     """
     made = make_part(planner, settings, {})
     name: Any = getattr(made, "memory", None)
     _expect(isinstance(name, str), "it has no attribute `memory`, the name of what it reads")
-    brain = _brain({name: memory} if memory is not None else None)
+    brain = _brain({name: memory} if memory is not None else None, reads=name)
     _expect(name in brain.memories, f"it reads {name!r}; pass check_planner an empty memory")
     known = brain.memories[name]
     moments = [_moment(brain, x) for x in _inputs(20, brain.eyes.size)]
@@ -236,8 +237,13 @@ def _inputs(count: int, features: int) -> Array:
     return inputs
 
 
-def _brain(memories: dict[str, Memory] | None, features: int | None = None) -> Brain:
-    brain = build_brain(MindSettings(nodes=_NODES))
+def _brain(
+    memories: dict[str, Memory] | None, features: int | None = None, reads: str = ""
+) -> Brain:
+    settings = MindSettings(nodes=_NODES)
+    if reads in MEMORIES.builtin and reads not in settings.memories and memories is None:
+        settings = replace(settings, memories={reads: Part(reads)})
+    brain = build_brain(settings)
     if features is not None:
         brain.clusterer = make_part(type(brain.clusterer), {}, _given())
         brain.memories = {}

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeVar
 
 import numpy as np
+from khepera_protocol.system.opening import AT_ONCE, BYTES, UNSHARED
 from khepera_protocol.text import printable
 from khepera_protocol.validation import first_fault
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ def open_regular(path: Path) -> BinaryIO:
         OSError: it cannot be opened.
         InputError: it is no regular file.
     """
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    handle = os.open(path, os.O_RDONLY | AT_ONCE | UNSHARED | BYTES)
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
         raise InputError("it is not a regular file")

@@ -61,9 +61,10 @@ def refused(*arguments: str) -> str:
 
 @pytest.fixture(scope="module", params=CLUSTERERS.builtin)
 def clustered(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A map of a very short training with each clusterer."""
+    """A map of a very short training with each clusterer, and what all planners read."""
     path = tmp_path_factory.mktemp("maps") / f"{request.param}.npz"
-    done("train", *SHORT, "--map", str(path), "--clusterer", request.param)
+    planners = [part for name in PLANNERS.builtin for part in ("--planner", name)]
+    done("train", *SHORT, "--map", str(path), "--clusterer", request.param, *planners)
     assert load_map(path)[0].settings.clusterer == Part(request.param)  # type: ignore[union-attr]
     return path
 

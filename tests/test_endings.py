@@ -445,7 +445,7 @@ def test_an_interrupt_that_hit_the_making_of_code_does_not_end_the_process_by_it
 ) -> None:
     (tmp_path / "program.py").write_text(
         "import sys\n"
-        "from khepera_protocol.startup import ignore_signals\n"
+        "from khepera_protocol.system.startup import ignore_signals\n"
         "try:\n"
         "    exec('raise KeyboardInterrupt')  # as dataclasses make their methods\n"
         "except KeyboardInterrupt:\n"

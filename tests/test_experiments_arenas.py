@@ -3,20 +3,25 @@
 import csv
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
+import numpy as np
 import pytest
-from typer.testing import CliRunner
+from as_type import as_type
 
 from khepera_emulator.arenas.arena import load_arena
-from macor_hil.cli import app
-from macor_hil.errors import MacorError
-from macor_hil.experiments import catalogue
-from macor_hil.experiments.arenas import ARENAS, ELSEWHERE, IN_PLACE, SYSTEMS, Settings
 from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
 from macor_hil.experiments.drives.course import Course
-from macor_hil.experiments.drives.training_drive import Drive
+from macor_hil.experiments.drives.systems import learn_foresight, learn_situations
+from macor_hil.experiments.drives.training_drive import Drive, Recordings
+from macor_hil.experiments.results.store import Result
+from macor_hil.experiments.suite.amounts import AMOUNTS
+from macor_hil.experiments.suite.arenas import ARENAS, ELSEWHERE, IN_PLACE, SYSTEMS, Settings
+from macor_hil.experiments.suite.conditions import cell
 from macor_hil.experiments.sweep.runner import reproduce
+from macor_hil.mind.memories.foresight import ForesightMemory
+from macor_hil.mind.memories.graded import GradedMemory
+from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.settings import MindSettings
 
 TINY = replace(
@@ -83,11 +88,83 @@ def test_the_suite_has_every_bundled_arena() -> None:
     assert not set(ARENAS.settings.mixture) & set(ARENAS.settings.unseen)
 
 
-def test_the_quick_form_is_of_those_that_have_one() -> None:
-    (quick,) = catalogue.quick(catalogue.find("arenas"))
-    assert quick.settings == ARENAS.quick
-    assert quick.settings.drive.random < Drive().random
-    with pytest.raises(MacorError, match="table1 has no quick form; these have: arenas"):
-        catalogue.quick(catalogue.find("table1"))
-    said = CliRunner().invoke(cast(Any, app), ["reproduce", "table1", "--quick"])
-    assert said.exit_code != 0
+def test_all_drives_of_the_suite_are_made_before_its_trials(tmp_path: Path) -> None:
+    said: list[tuple[str, int, int]] = []
+
+    def stop(*step: Any) -> None:
+        said.append(step)
+        if step[0] == "arenas":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        reproduce([TINY], 1, 2, tmp_path, stop)
+    driven = [("driving for arenas", done, 2) for done in range(3)]
+    assert said == [*driven, ("arenas", 0, 1)]
+    assert len(list((tmp_path / "recordings").glob("*/seed-0001.frames.npz"))) == 2
+
+
+def condition(driven: int, collided: bool) -> Result:
+    """A condition of one trial, of 10 commands that were all possible."""
+    trial = {
+        "r": [0.5] * driven,
+        "collided": collided,
+        "touched": collided,
+        "path": [[0, 0, 0]] * (driven + 1),
+    }
+    return {"commands": 10, "possible": [[10, True]], "trials": {"graded": [trial]}}
+
+
+def test_a_cell_has_intervals_where_there_are_several_seeds() -> None:
+    whole, half = condition(10, collided=False), condition(6, collided=True)
+    assert cell([(1, half)], "graded") == "50.0 %; 100 %"
+    # of the same seed: the mean of its trials, and no interval
+    assert cell([(1, whole), (1, half)], "graded") == "75.0 %; 50 %"
+    several = cell([(1, whole), (2, half)], "graded")
+    assert several == "75.0 % (50.0 to 100.0); 50 % (0 to 100)"
+
+
+AMOUNTS_TINY = replace(
+    AMOUNTS,
+    settings=replace(
+        AMOUNTS.settings,
+        drive=Drive("maze", tuning=10, random=130, brain=MindSettings(nodes=8)),
+        homes=(Place("maze"),),
+        situations=(4, 8),
+        commands=(125, 130),
+        course=Course(trials=1, commands=4),
+    ),
+)
+
+
+def test_success_is_told_against_situations_and_commands(tmp_path: Path) -> None:
+    page = reproduce([AMOUNTS_TINY], 1, 1, tmp_path, lambda *_: None)
+    with (page.parent / "amounts.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    amounts = [(row["system"], row["unit"], row["amount"]) for row in rows]
+    assert amounts == [
+        *((name, "situations", n) for name in ("expected", "graded") for n in ("4", "8")),
+        *(("foresight", "training commands", n) for n in ("125", "130")),
+    ]
+    text = (page.parent / "report.md").read_text()
+    for name, unit, amount in amounts:
+        assert f"| {name}, {amount} {unit} | " in text
+    assert (page.parent / "amounts-shares.png").exists()
+
+
+def test_more_situations_are_learned_where_they_are_asked_for(tmp_path: Path) -> None:
+    settings = AMOUNTS_TINY.settings
+    recording = Recordings(tmp_path, settings.drive)[1]
+    for nodes in (4, 8):
+        learned = learn_situations(
+            replace(settings, nodes=nodes), recording, np.random.default_rng(1)
+        )
+        brain = learned["graded"].brain
+        assert as_type(GradedMemory, brain.memories["graded"]).counts.tried.shape == (nodes, 3)
+        assert as_type(SensorimotorMap, brain.memories["transitions"]).nodes == nodes
+    # foresight learns from the beginning alone
+    early, late = (learn_foresight(settings, recording.first(n)) for n in (100, 130))
+    frames = [
+        len(as_type(ForesightMemory, system.brain.memories["foresight"]).state()["commands"])
+        for system in (early, late)
+    ]
+    assert 100 < frames[0] <= frames[1] - 30

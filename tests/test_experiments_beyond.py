@@ -47,12 +47,12 @@ def test_the_ablation_drives_every_system_in_every_arena(recordings: Recordings)
     elements = experiment.tell(experiment.settings, {1: result})
     table = next(element for element in elements if isinstance(element, Table))
     assert [row[0] for row in table.rows] == ["corridor, 2", "s-curve, 3"]
-    (verdict,) = (b.text for b in elements if isinstance(b, Text) and "where they were" in b.text)
+    (verdict,) = (b.text for b in elements if isinstance(b, Text) and "where it was" in b.text)
     lengths = {
         place: trial_from_json(trials[GRADED][0]).length
         for place, trials in result["trials"].items()
     }
-    assert f"drive {lengths['corridor']:.2f} of 2 commands" in verdict
+    assert f"graded drives {lengths['corridor']:.2f} of 2 commands" in verdict
     assert f"at least {lengths['s-curve']:.2f} of 3 commands" in verdict
 
 

@@ -5,10 +5,12 @@ import pytest
 
 from macor_hil.experiments.report.statistics import (
     estimate,
+    holm,
     interquartile_mean,
     mean,
     order,
     sign_flip_p,
+    too_few,
 )
 
 
@@ -61,3 +63,19 @@ def test_an_order_holds_with_interval_and_p() -> None:
     mixed = order([1.0, 1.0, 0.0, 5.0, 0.0], [0.0, 1.0, 4.0, 0.0, 1.0])
     assert (mixed.wins, mixed.ties) == (2, 1)
     assert not mixed.holds
+
+
+def test_holm_keeps_what_holds_together() -> None:
+    # 0.05 / 3, / 2, / 1: the last one is not looked at any more
+    assert holm([0.04, 0.01, 0.03]) == [False, True, False]
+    assert holm([0.04, 0.01, 0.02]) == [True, True, True]
+    assert holm([0.02, 0.02, 0.04]) == [False, False, False]
+    assert holm([]) == []
+
+
+def test_few_seeds_cannot_show_anything() -> None:
+    # the least p of four pairs is 1/16, of five 1/32
+    assert "With 4 seeds p < 0.05 cannot be reached" in too_few(4)
+    assert too_few(5) == ""
+    assert "With 5 seeds p < 0.05 in 2 tests at the same time cannot" in too_few(5, 2)
+    assert too_few(6, 2) == ""

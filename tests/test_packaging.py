@@ -1,10 +1,12 @@
 """Packaging: the wheel holds all of the packages, and works without its extras."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from collections.abc import Iterator
@@ -38,6 +40,18 @@ NEEDS = {
 """Importable names of what only an extra brings."""
 
 IGNORED = shutil.ignore_patterns("__pycache__")
+
+NOT_THE_PROJECT = shutil.ignore_patterns(
+    *(".git", ".venv*", ".*_cache", ".hypothesis", "*.egg-info", "__pycache__"),
+    *("build", "dist", "runs"),
+)
+
+OF_THE_SOURCES = (
+    "tests/test_protocol_framing.py",
+    "tests/test_motors.py",
+    "tests/test_fuzzy_art.py",
+)
+"""Quick tests, one of each package, that an unpacked source distribution runs."""
 
 MAY_FAIL = {
     "macor_hil.environment": "gymnasium",
@@ -92,8 +106,38 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
     assert files <= set(zipfile.ZipFile(wheel).namelist())
 
 
+def test_the_tests_of_the_source_distribution_run(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    shutil.copytree(ROOT, source, ignore=NOT_THE_PROJECT)
+    build = "import sys; from setuptools import build_meta; build_meta.build_sdist(sys.argv[1])"
+    command = [sys.executable, "-c", build, str(tmp_path)]
+    subprocess.run(command, cwd=source, check=True, timeout=PATIENCE, capture_output=True)
+    (archive,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(archive) as sources:
+        sources.extractall(tmp_path, filter="data")
+    unpacked = tmp_path / archive.name.removesuffix(".tar.gz")
+    for folder in (".github", "benchmarks", "docs", "examples", "tests"):
+        assert files_in(unpacked / folder) == files_in(source / folder)
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *OF_THE_SOURCES]
+    outside = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
+    done = subprocess.run(
+        command,
+        cwd=unpacked,
+        env={**outside, "PYTHONPATH": f"{unpacked}{os.pathsep}{unpacked / 'protocol'}"},
+        timeout=3 * PATIENCE,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def files_in(folder: Path) -> set[str]:
+    return {str(f.relative_to(folder)) for f in folder.rglob("*") if f.is_file()}
+
+
 def test_every_extra_is_tried_without() -> None:
-    for_developers = {"benchmarks", "build", "lint", "test"}
+    for_developers = {"benchmarks", "build", "docs", "lint", "release", "test"}
     assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
 
 
@@ -109,7 +153,8 @@ def test_every_python_gets_one_pybullet(python: str) -> None:
 def test_every_extra_is_documented() -> None:
     page = (ROOT / "docs" / "install.md").read_text("utf-8")
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
-    assert documented == set(PROJECT["optional-dependencies"]) - {"build", "lint", "test"}
+    for_developers = {"build", "docs", "lint", "release", "test"}
+    assert documented == set(PROJECT["optional-dependencies"]) - for_developers
 
 
 def test_the_controller_is_importable_without_any_extra() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import serial
 from as_type import not_none
-from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
+from khepera_protocol.system.terminal_link import LOCK_TEXT, lock_beside
 from unprivileged import as_nobody, enter_from_outside
 
 from khepera_emulator.errors import EmulatorError

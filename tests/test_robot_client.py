@@ -10,7 +10,7 @@ import pytest
 import serial
 from as_type import not_none
 from khepera_protocol.serial.messages import build_request
-from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
+from khepera_protocol.system.terminal_link import LOCK_TEXT, lock_beside
 
 from macor_hil.errors import LinkError, RobotError, RobotResetError, SilenceError
 from macor_hil.hardware.khepera import Khepera

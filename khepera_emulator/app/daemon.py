@@ -6,9 +6,9 @@ query is answered.
 """
 
 import logging
-import select
-from collections.abc import Callable, Sequence
-from math import ceil
+from collections.abc import Callable
+
+from khepera_protocol.system.waiting import readable
 
 from khepera_emulator.app.control import Control
 from khepera_emulator.app.side_channel import SideChannel
@@ -34,9 +34,6 @@ RESTING_PERIOD = 0.100
 MOST_BEHIND = 0.25
 """Real seconds to catch up at once. A process that was stopped for longer, or is too slow for its
 speed, loses the rest: the robot's clock stands still meanwhile."""
-
-_SELECTABLE = 1024
-"""Descriptors that `select` can wait for: those below this number."""
 
 _TAKE = 256
 """Bytes taken from a client ahead of the line; the rest waits with it, as in a driver's buffer."""
@@ -117,7 +114,7 @@ class Daemon:
         for line in self._lines:
             readers += line.descriptors()
             delay = min(delay, line.delay(now, self._clock.speed))
-        return _readable(readers, max(0.0, delay))
+        return readable(readers, max(0.0, delay))
 
     def _serve(self, ready: set[int]) -> None:
         """Serve one round: bytes to the robots, time, bytes to the clients, queries."""
@@ -293,21 +290,6 @@ class _Line:
             uart.unsent,
         )
         _log.info("%s: %d bytes from clients were dropped", url, self.lost + uart.lost)
-
-
-def _readable(descriptors: Sequence[int], seconds: float) -> set[int]:
-    """Wait for a time until any of some descriptors can be read; those that can.
-
-    `select` keeps its time-out to a tenth of a millisecond; `poll` and `epoll` round it to a
-    whole one, half a character at 9600. But `select` has no place for descriptors above 1023, which
-    a process has that was started with a thousand open.
-    """
-    if max(descriptors) < _SELECTABLE:
-        return set(select.select(descriptors, (), (), seconds)[0])
-    poll = select.poll()
-    for descriptor in descriptors:
-        poll.register(descriptor, select.POLLIN)
-    return {descriptor for descriptor, _ in poll.poll(ceil(1000 * seconds))}
 
 
 def _whole_requests(data: bytes) -> bytes:

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Final, Self
 
-from khepera_protocol.startup import INTERRUPTED, KEYS, signals_to_take
+from khepera_protocol.system.signals import KEYS
+from khepera_protocol.system.startup import INTERRUPTED, signals_to_take
 
 STATUS: Final = (
     "0 done, or told to end by SIGTERM or SIGHUP; 1 a replay differs; 2 failed, one sentence says"

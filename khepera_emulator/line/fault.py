@@ -1,4 +1,4 @@
-r"""Faults of a serial line: bytes lost, bent or late, replies cut short, the plug pulled.
+r"""Faults of a serial line, and of the robot at its end.
 
 A fault is written `KIND:KEY=VALUE,...`, for example `drop:p=0.01,dir=reply` or `cut:at=12,for=2`.
 
@@ -15,6 +15,16 @@ A fault is written `KIND:KEY=VALUE,...`, for example `drop:p=0.01,dir=reply` or 
                has received and not yet said is lost, and its
                banner comes
 
+and of the robot, for as long as they last, from `at` on or by a request with chance `p`:
+
+    dead-sensor, stuck-sensor, dirty-sensor     infrared: sees nothing, goes on reading what it read
+                                                first, gets a part of the light
+    weak-motor, jammed-motor, worn-wheel        comes to a part of its speed, stands, goes a part of
+                                                the way that it counts
+    empty-battery                               the voltage falls, then the robot starts again
+    frozen-camera, dark-camera, turned-camera   goes on giving the first picture, gets a part of the
+                                                light, looks aside
+
     key   meaning                                                       without it
     p     chance, 0 to 1                                                1 (see above)
     n     so many times at most                                         no limit
@@ -24,9 +34,14 @@ A fault is written `KIND:KEY=VALUE,...`, for example `drop:p=0.01,dir=reply` or 
     for   seconds from `at` on; how long a stall or a cut lasts         for ever; 1
     time  seconds of a delay                                            0.05
     text  what strays in, with escapes such as \r\n; the last key       stray\r\n
+    sensor  number of an infrared sensor, 0 to 7                        all
+    wheel   left, right or both                                         both
+    part    of what was, 0 to 1                                         depends on the kind
+    angle   degrees that the camera turns to the left                   15
 
-Kinds are found in the registry `FAULTS`: the bundled ones are in `fault_kinds`; others come from
-other distributions or files, as `--fault my_file.py:Burst:p=0.01`.
+Kinds are found in the registry `FAULTS`: the bundled ones are in `fault_kinds` and
+`robot.robot_faults`; others come from other distributions or files, as
+`--fault my_file.py:Burst:p=0.01`.
 """
 
 from collections.abc import Callable
@@ -55,11 +70,22 @@ FAULTS: Final = Registry(
         "stall": "khepera_emulator.line.fault_kinds:Stall",
         "cut": "khepera_emulator.line.fault_kinds:Cut",
         "reset": "khepera_emulator.line.fault_kinds:Reset",
+        "dead-sensor": "khepera_emulator.robot.robot_faults:DeadSensor",
+        "stuck-sensor": "khepera_emulator.robot.robot_faults:StuckSensor",
+        "dirty-sensor": "khepera_emulator.robot.robot_faults:DirtySensor",
+        "weak-motor": "khepera_emulator.robot.robot_faults:WeakMotor",
+        "jammed-motor": "khepera_emulator.robot.robot_faults:JammedMotor",
+        "worn-wheel": "khepera_emulator.robot.robot_faults:WornWheel",
+        "empty-battery": "khepera_emulator.robot.robot_faults:EmptyBattery",
+        "frozen-camera": "khepera_emulator.robot.robot_faults:FrozenCamera",
+        "dark-camera": "khepera_emulator.robot.robot_faults:DarkCamera",
+        "turned-camera": "khepera_emulator.robot.robot_faults:TurnedCamera",
     },
 )
 
 DELAY: Final = on_grid(0.05)
 STRAY: Final = b"stray\r\n"
+ANGLE: Final = 15.0
 
 
 class Direction(StrEnum):
@@ -85,6 +111,10 @@ class Fault:
         time: seconds of a delay.
         text: what strays in.
         most: so many times at most.
+        sensor: number of an infrared sensor; None: all of them.
+        wheel: left, right or both.
+        part: of what was; None: what is usual of the kind.
+        angle: degrees that a camera turns to the left.
     """
 
     kind: str
@@ -95,6 +125,14 @@ class Fault:
     time: float = DELAY
     text: bytes = STRAY
     most: float = inf
+    sensor: int | None = None
+    wheel: str = "both"
+    part: float | None = None
+    angle: float = ANGLE
+
+    def part_or(self, usual: float) -> float:
+        """Return the part that was asked for, or the usual one."""
+        return usual if self.part is None else self.part
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +154,8 @@ class Victim(Enum):
     BYTE = "byte"
     REPLY = "reply"
     REQUEST = "request"
+    ROBOT = "robot"
+    """The robot itself; chance is drawn by each request."""
 
 
 @dataclass(slots=True)
@@ -140,7 +180,7 @@ class Kind(Protocol):
 
     Attributes:
         victim: what it strikes.
-        keys: what may be written of it, of p, n, dir, at, for, time and text.
+        keys: what may be written of it, of the keys above.
         once: whether it happens once, at `at`, where no `p` is given.
     """
 
@@ -185,6 +225,22 @@ class RequestKind(Kind, Protocol):
     """
 
     effect: Effect
+
+
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """A time in which a fault of the robot lasts.
+
+    Attributes:
+        kind: one of `robot.robot_faults`, or a class as they are.
+        fault: as it was asked for.
+        begin, end: seconds on the robot's clock.
+    """
+
+    kind: Any
+    fault: Fault
+    begin: float
+    end: float
 
 
 Listener = Callable[[Happening], None]

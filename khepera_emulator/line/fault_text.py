@@ -10,6 +10,7 @@ from khepera_protocol.text import printable
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.clock import on_grid
 from khepera_emulator.line.fault import (
+    ANGLE,
     BOTH,
     DELAY,
     STRAY,
@@ -36,7 +37,11 @@ _MOST_SECONDS: Final = 2.0**23
 
 _MOST_TIMES: Final = 1e9
 _LASTS: Final = 1.0
-"""Seconds of a stall or a cut."""
+"""Seconds of a stall or a cut, and of what befalls the robot by chance."""
+
+_SENSORS: Final = 8
+_WHEELS: Final = ("left", "right", "both")
+_MOST_ANGLE: Final = 180.0
 
 
 def parse_fault(text: str) -> Fault:
@@ -65,18 +70,32 @@ def _fault(text: str, name: str, kind: Kind, values: Mapping[str, str]) -> Fault
     def seconds(key: str, default: float) -> float:
         return _seconds(text, key, values[key]) if key in values else default
 
-    timed = kind.once and "p" not in values
-    lasts = _LASTS if kind.victim is Victim.REQUEST and "for" in kind.keys else inf
+    on_robot = kind.victim is Victim.ROBOT
+    timed = (kind.once or on_robot) and "p" not in values
     return Fault(
         name,
         chance=None if timed else _number(text, "p", values.get("p", "1"), 1.0),
         directions=_directions(text, kind, values.get("dir", "both")),
         at=seconds("at", 0.0),
-        lasts=seconds("for", lasts),
+        lasts=seconds("for", _usual_length(kind, timed)),
         time=seconds("time", DELAY),
         text=_unescape(text, values["text"]) if "text" in values else STRAY,
         most=_number(text, "n", values["n"], _MOST_TIMES) if "n" in values else inf,
+        sensor=_sensor(text, values["sensor"]) if "sensor" in values else None,
+        wheel=_wheel(text, values.get("wheel", "both")),
+        part=_number(text, "part", values["part"], 1.0) if "part" in values else None,
+        angle=_angle(text, values["angle"]) if "angle" in values else ANGLE,
     )
+
+
+def _usual_length(kind: Kind, timed: bool) -> float:
+    """Return seconds that a fault lasts when nobody says how long."""
+    own: float | None = getattr(kind, "lasts", None)
+    if own is not None:
+        return own
+    by_request = kind.victim is Victim.REQUEST and "for" in kind.keys
+    by_chance = kind.victim is Victim.ROBOT and not timed
+    return _LASTS if by_request or by_chance else inf
 
 
 def parse_faults(specs: Sequence[str]) -> tuple[Fault, ...]:
@@ -163,6 +182,23 @@ def _directions(text: str, kind: Kind, word: str) -> tuple[Direction, ...]:
     if word not in tuple(Direction):
         raise _wrong(text, f"dir is request, reply or both, not '{_shown(word)}'")
     return (Direction(word),)
+
+
+def _sensor(text: str, word: str) -> int:
+    if word not in map(str, range(_SENSORS)):
+        raise _wrong(text, f"sensor={_shown(word)} is none: give 0 to {_SENSORS - 1}")
+    return int(word)
+
+
+def _wheel(text: str, word: str) -> str:
+    if word not in _WHEELS:
+        raise _wrong(text, f"wheel is left, right or both, not '{_shown(word)}'")
+    return word
+
+
+def _angle(text: str, word: str) -> float:
+    sign = -1.0 if word.startswith("-") else 1.0
+    return sign * _number(text, "angle", word.removeprefix("-"), _MOST_ANGLE)
 
 
 def _seconds(text: str, key: str, word: str) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 from random import Random
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 from khepera_emulator.line.fault import (
     Direction,
@@ -18,12 +18,15 @@ from khepera_emulator.line.fault import (
     Happening,
     Listener,
     Passing,
+    Spell,
     Victim,
     find_kind,
 )
 
 Timed = tuple[float, int]
 """Time at which a byte arrives, and the byte."""
+
+_BY_REQUESTS: Final = (Victim.REQUEST, Victim.ROBOT)
 
 
 class Faults:
@@ -36,6 +39,7 @@ class Faults:
 
     Attributes:
         listeners: who is called with every happening.
+        spells: of the robot's own faults, those that have begun or will at a time.
     """
 
     def __init__(
@@ -55,12 +59,21 @@ class Faults:
         ]
         self._bytes = [active for active in self._active if active.victim is Victim.BYTE]
         once = [active for active in self._active if active.fault.chance is None]
-        self._moments = deque(sorted(once, key=lambda active: active.at))
-        self._windows = [_window(active, active.at) for active in once if active.lasting]
+        moments = [_Moment(active.at, active, begins=True) for active in once]
+        ending = [active for active in once if active.starts_again_at_end]
+        moments += [_Moment(active.at + active.fault.lasts, active) for active in ending]
+        self._moments = deque(sorted(moments, key=lambda moment: moment.at))
+        self._windows = [_window(active, active.at) for active in once if active.on_line]
+        self.spells = [_spell(active, active.at) for active in once if active.on_robot]
 
     def __bool__(self) -> bool:
         """Tell whether there is any fault."""
         return bool(self._faults)
+
+    @property
+    def befall_robots(self) -> bool:
+        """True if some are faults of the robot itself."""
+        return any(active.on_robot for active in self._active)
 
     def next_moment(self) -> float | None:
         """Return when the next fault that has a time of its own happens."""
@@ -68,10 +81,11 @@ class Faults:
 
     def take_moment(self) -> tuple[float, bytes, bool]:
         """Return that fault: its time, what it says, and whether the robot starts again."""
-        active = self._moments.popleft()
-        said, what = active.say() if active.victim is Victim.REPLY else (b"", active.story())
-        self._tell(active.at, active.fault.directions[-1], active.fault.kind, what)
-        return active.at, said, active.effect is Effect.RESET
+        at, active, begins = self._moments.popleft()
+        said, what = active.say() if active.victim is Victim.REPLY else (b"", active.story(begins))
+        self._tell(at, active.fault.directions[-1], active.fault.kind, what)
+        resets = active.effect is Effect.RESET and begins is not active.starts_again_at_end
+        return at, said, resets
 
     def on_bytes(
         self, direction: Direction, items: Sequence[Timed], each: float
@@ -99,12 +113,14 @@ class Faults:
         """Tell whether the robot resets instead of carrying out a request."""
         reset = False
         for active in self._active:
-            if active.victim is not Victim.REQUEST or active.fault.chance is None:
+            if active.victim not in _BY_REQUESTS or active.fault.chance is None:
                 continue
             if active.strikes(Direction.REQUEST, when) is None:
                 continue
             self._tell(when, Direction.REQUEST, active.fault.kind, active.story())
-            if active.effect is Effect.RESET:
+            if active.on_robot:
+                self._befall(active, when)
+            elif active.effect is Effect.RESET:
                 reset = True
             else:
                 self._open(active, when)
@@ -137,6 +153,10 @@ class Faults:
     def _open(self, active: "_Active", when: float) -> None:
         ahead = [window for window in self._windows if window.end > when]
         self._windows = [*ahead, _window(active, when)]
+
+    def _befall(self, active: "_Active", when: float) -> None:
+        ahead = [spell for spell in self.spells if spell.end > when]
+        self.spells = [*ahead, _spell(active, when)]
 
     def _standstill(self, direction: Direction, when: float) -> float:
         """Return seconds that a byte has to wait until the line moves again."""
@@ -173,11 +193,22 @@ class _Window:
         return self.begin <= when < self.end and direction in self.directions
 
 
+class _Moment(NamedTuple):
+    """A time at which a fault begins, or ends."""
+
+    at: float
+    active: "_Active"
+    begins: bool = False
+
+
 class _Active:
     """A fault with its chance and its times on the robot's clock.
 
     Attributes:
-        lasting: whether it changes the line for as long as it lasts.
+        at: its first moment on the robot's clock.
+        on_line: whether it changes the line for as long as it lasts.
+        on_robot: whether it changes the robot for as long as it lasts.
+        starts_again_at_end: whether the robot starts again when it ends.
     """
 
     def __init__(self, fault: Fault, place: int, seed: int, origin: float) -> None:
@@ -185,13 +216,17 @@ class _Active:
         self.kind: Any = find_kind(fault.kind)()
         self.victim: Victim = self.kind.victim
         self.effect: Effect | None = getattr(self.kind, "effect", None)
-        self.lasting = self.effect in (Effect.STALL, Effect.CUT)
+        self.on_line = self.effect in (Effect.STALL, Effect.CUT)
+        self.on_robot = self.victim is Victim.ROBOT
+        self.starts_again_at_end = self.on_robot and self.effect is Effect.RESET
         self.at = origin + fault.at
-        self._end = self.at + (inf if self.lasting else fault.lasts)
+        # what lasts by itself may happen again and again
+        lasting = self.on_line or self.on_robot
+        self._end = inf if lasting else self.at + fault.lasts
         self._left = fault.most
         # a generator for each direction: how their bytes mix in time makes no difference
         # a line stands still because of a request, whichever way it then stands still
-        of_requests = self.victim is Victim.REQUEST
+        of_requests = self.victim in _BY_REQUESTS
         directions = (Direction.REQUEST,) if of_requests else fault.directions
         name = fault.kind.rpartition(":")[2]
         self._draws = {
@@ -216,11 +251,19 @@ class _Active:
         said: tuple[bytes, str] = self.kind.change(b"", 0.0, self.fault)
         return said
 
-    def story(self) -> str:
-        """Return what a fault of requests does, for the log."""
-        return f"{self.fault.lasts:g} s" if self.lasting else "the robot starts again"
+    def story(self, begins: bool = True) -> str:
+        """Return what a fault of requests or of the robot does, for the log."""
+        if not begins or not (self.on_line or self.on_robot):
+            return "the robot starts again"
+        return f"{self.fault.lasts:g} s" if self.fault.lasts < inf else "for good"
 
 
 def _window(active: _Active, begin: float) -> _Window:
     fault = active.fault
     return _Window(fault.kind, active.effect, fault.directions, begin, begin + fault.lasts)
+
+
+def _spell(active: _Active, begin: float) -> Spell:
+    # one that happens again begins anew
+    kind = find_kind(active.fault.kind)()
+    return Spell(kind, active.fault, begin, begin + active.fault.lasts)

@@ -10,13 +10,14 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from fcntl import LOCK_EX, LOCK_NB, flock
 from itertools import count
 from pathlib import Path
 from stat import S_ISREG
 from types import MappingProxyType, TracebackType
 from typing import Any, BinaryIO, Final, Literal, Self
 
+from khepera_protocol.system.locking import lock_now
+from khepera_protocol.system.opening import UNSHARED
 from khepera_protocol.text import printable
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import from_json
@@ -175,9 +176,9 @@ class WireLog:
 
 def _open_alone(path: str, flags: int) -> int:
     """Open a file that nobody else writes as a log, and only then empty it."""
-    handle = os.open(path, flags & ~os.O_TRUNC | os.O_CLOEXEC, 0o666)
+    handle = os.open(path, flags & ~os.O_TRUNC | UNSHARED, 0o666)
     try:
-        flock(handle, LOCK_EX | LOCK_NB)
+        lock_now(handle)
         if S_ISREG(os.fstat(handle).st_mode):
             os.ftruncate(handle, 0)
     except BaseException:

@@ -1,11 +1,11 @@
 """A descriptor by which one thread wakes another that waits for descriptors."""
 
-import os
+import socket
 import threading
 from contextlib import suppress
 from typing import Final
 
-_CLOSED: Final = -1
+_PIECE: Final = 4096
 
 
 class Bell:
@@ -16,27 +16,29 @@ class Bell:
     """
 
     def __init__(self) -> None:
-        self._descriptor = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        # sockets can be waited for everywhere
+        self._ear, self._clapper = socket.socketpair()
+        for end in (self._ear, self._clapper):
+            end.setblocking(False)
         self._lock = threading.RLock()  # a signal's handler may run while its own thread holds it
 
     def fileno(self) -> int:
         """Return the descriptor to wait for."""
-        return self._descriptor
+        return self._ear.fileno()
 
     def ring(self) -> None:
         """Make the descriptor readable; after `close` nothing happens."""
-        with self._lock:
-            if self._descriptor != _CLOSED:
-                os.eventfd_write(self._descriptor, 1)
+        with self._lock, suppress(OSError):  # it rings for as much as it holds, or is closed
+            self._clapper.send(b"!")
 
     def silence(self) -> None:
         """Make it unreadable again."""
         with suppress(BlockingIOError):
-            os.eventfd_read(self._descriptor)
+            while self._ear.recv(_PIECE):
+                pass
 
     def close(self) -> None:
-        """Give the descriptor back; a second time nothing happens."""
+        """Give the descriptors back; a second time nothing happens."""
         with self._lock:
-            descriptor, self._descriptor = self._descriptor, _CLOSED
-        if descriptor != _CLOSED:
-            os.close(descriptor)
+            self._clapper.close()
+            self._ear.close()

@@ -10,8 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
-from khepera_protocol.lock_file import NotALockError, give_back_lock, take_lock
-from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
+from khepera_protocol.system.lock_file import NotALockError, give_back_lock, take_lock
+from khepera_protocol.system.terminal_link import LOCK_TEXT, lock_beside
 from khepera_protocol.text import printable
 
 from khepera_emulator.errors import EmulatorError

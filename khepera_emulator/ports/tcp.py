@@ -9,7 +9,6 @@ line until its last reply is sent, unless another one comes.
 """
 
 import logging
-import select
 import socket
 import time
 from collections import deque
@@ -18,6 +17,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Final, Self
 
+from khepera_protocol.system.waiting import is_broken
 from khepera_protocol.text import printable
 
 from khepera_emulator.errors import EmulatorError
@@ -46,8 +46,7 @@ _PIECE = 16 * 1024
 
 _MOST_PORTS = 65535
 _PORT_DIGITS = 5
-_BROKEN: Final = select.POLLHUP | select.POLLERR
-_KEEP_ALIVE = ((socket.TCP_KEEPIDLE, 20), (socket.TCP_KEEPINTVL, 5), (socket.TCP_KEEPCNT, 3))
+_KEEP_ALIVE = (("TCP_KEEPIDLE", 20), ("TCP_KEEPINTVL", 5), ("TCP_KEEPCNT", 3))
 """A client whose machine has gone holds the line for 35 s at most."""
 
 
@@ -169,8 +168,9 @@ class TcpPort:
         connection, peer = newcomer.connection, newcomer.peer
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        for option, value in _KEEP_ALIVE:
-            connection.setsockopt(socket.IPPROTO_TCP, option, value)
+        for name, value in _KEEP_ALIVE:
+            if hasattr(socket, name):  # not on every system
+                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
         self._client, self._peer = connection, peer
         _log.info("%s: %s has the line", self.url, peer)
         self._begin()
@@ -216,9 +216,7 @@ class TcpPort:
         sent to it: until then it might be one that still listens.
         """
         assert self._client is not None
-        poll = select.poll()
-        poll.register(self._client, 0)
-        return any(event & _BROKEN for _, event in poll.poll(0))
+        return is_broken(self._client)
 
     def _makes_room(self) -> bool:
         """Tell whether the client may have left: it only listens, or its goodbye cannot be seen."""

@@ -19,6 +19,7 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import Happening
 from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
+from khepera_emulator.robot.ailments import Ailments
 from khepera_emulator.robot.equipment import Equipment
 from khepera_emulator.robot.firmware import Firmware
 from khepera_emulator.robot.fleet import Fleet
@@ -165,11 +166,11 @@ class Emulator:
 
     def mirror_image(self) -> Image:
         """Take a picture of the camera's mirror."""
-        return self._eye().mirror_image(self._robot.chassis.pose)
+        return self._seen(self._eye().mirror_image(self._view()))
 
     def panorama(self) -> Image:
         """Take a picture, unwrapped to a panorama."""
-        return self._eye().panorama(self._robot.chassis.pose)
+        return self._seen(self._eye().panorama(self._view()))
 
     def reset(self, reset: Reset) -> Truth:
         """Put the robot somewhere, powered on afresh, the line silent.
@@ -230,6 +231,8 @@ class Emulator:
         setup, world = self.setup, self._fleet.world
         self._streams = streams
         self.uart.faults.begin(int(streams.line.integers(2**63)), self.now)
+        ails = self.uart.faults.befall_robots
+        self._ailments = Ailments(self.uart.faults, self.now) if ails else None
         self._robot = Robot(
             world,
             setup.model,
@@ -238,9 +241,21 @@ class Emulator:
             streams.driving,
             self._equipment,
             setup.dead_man,
+            self._ailments,
         )
         self._firmware = Firmware(self._robot, self._change_rate, self._log_refusal)
         self._camera: OmniCamera | None = None
+
+    def _view(self) -> Pose:
+        """Return the camera's place, and where it looks ahead."""
+        pose = self._robot.chassis.pose
+        if self._ailments is None:
+            return pose
+        turned = self._ailments.heading(self._robot.time)
+        return pose.model_copy(update={"heading": pose.heading + turned})
+
+    def _seen(self, image: Image) -> Image:
+        return image if self._ailments is None else self._ailments.picture(self._robot.time, image)
 
     def _eye(self) -> OmniCamera:
         # made when first asked for: many programs use the serial line alone

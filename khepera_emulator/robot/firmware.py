@@ -195,7 +195,7 @@ class Firmware:
 
     def _read_analogue(self, channel: int) -> tuple[int, ...]:
         counts = self._robot.turrets.analogue(channel)
-        return (self._robot.panel.analogue[channel] if counts is None else counts,)
+        return (self._robot.analogue(channel) if counts is None else counts,)
 
     def _read_bus(self, address: int) -> tuple[int, ...]:
         byte = self._robot.turrets.read_bus(address)

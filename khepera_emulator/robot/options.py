@@ -75,8 +75,8 @@ class RobotOptions(BaseModel):
     )
     fault: Annotated[tuple[str, ...], Cli(metavar="SPEC", names=FAULTS.names)] = Field(
         default=(),
-        description="A fault to inject on the line, such as drop:p=0.001 or cut:at=10,for=2"
-        " (see docs/faults.md): {names}; or file.py:Class; repeatable.",
+        description="A fault of the line or of the robot, such as drop:p=0.001, cut:at=10,for=2"
+        " or dead-sensor:sensor=2 (see docs/faults.md): {names}; or file.py:Class; repeatable.",
     )
     turret: Annotated[tuple[str, ...], Cli(metavar="NAME", names=TURRET_CLASSES.names)] = Field(
         default=(), description="A turret to mount: {names}; or file.py:Class; repeatable."

@@ -10,6 +10,7 @@ from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.body.drift import slip_sequence
 from khepera_emulator.body.motors import Gains, Profile, Wheel
 from khepera_emulator.models import Model
+from khepera_emulator.robot.ailments import Ailments
 from khepera_emulator.robot.equipment import Equipment
 from khepera_emulator.senses.infrared import SCAN_PERIOD, Infrared
 from khepera_emulator.turrets.grasp import WorldThings
@@ -58,6 +59,7 @@ class Robot:
         rng: source of all its randomness: slip, sensor noise and turrets have a stream each.
         equipment: what it carries, and the choices of its firmware.
         dead_man: seconds without a request after which it stops by itself; None: never.
+        ailments: faults of its own; None: there are none.
     """
 
     def __init__(
@@ -69,8 +71,10 @@ class Robot:
         rng: np.random.Generator,
         equipment: Equipment | None = None,
         dead_man: float | None = None,
+        ailments: Ailments | None = None,
     ) -> None:
         self.model = model
+        self._ailments = ailments
         self._dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
         self._heard = 0
         self.equipment = equipment or Equipment()
@@ -173,14 +177,27 @@ class Robot:
         """Return the latest proximity scan: eight counts."""
         # computed when first asked for: most scans are never read
         if "proximity" not in self._scans:
-            self._scans["proximity"] = self.infrared.proximity(*self._scan_pose)
+            counts = self.infrared.proximity(*self._scan_pose)
+            if self._ailments is not None:
+                counts = self._ailments.proximity(self.time, counts)
+            self._scans["proximity"] = counts
         return self._scans["proximity"]
 
     def ambient(self) -> tuple[int, ...]:
         """Return the latest ambient light scan: eight counts."""
         if "ambient" not in self._scans:
-            self._scans["ambient"] = self.infrared.ambient(*self._scan_pose)
+            counts = self.infrared.ambient(*self._scan_pose)
+            if self._ailments is not None:
+                counts = self._ailments.ambient(self.time, counts, self.model.dark)
+            self._scans["ambient"] = counts
         return self._scans["ambient"]
+
+    def analogue(self, channel: int) -> int:
+        """Return the counts at an A/D input; the first one is the battery's."""
+        counts = self.panel.analogue[channel]
+        if channel or self._ailments is None:
+            return counts
+        return self._ailments.battery(self.time, counts)
 
     def truth(self) -> Truth:
         """Return ground truth, for scoring."""
@@ -191,6 +208,7 @@ class Robot:
             contact=self.chassis.contact,
             touched=self.touched,
             drift=self.drift,
+            faults=() if self._ailments is None else self._ailments.names(self.time),
         )
 
     def _start_scan(self) -> None:
@@ -219,13 +237,19 @@ class Robot:
         if self._dead_man is not None and self.ticks - self._heard >= self._dead_man:
             left.drive_speed(0)
             right.drive_speed(0)
-        self._free = free_left, free_right = left.control(), right.control()
+        free = left.control(), right.control()
+        if self._ailments is not None:
+            free = self._ailments.speeds(self.time, free)
+        self._free = free_left, free_right = free
         # mean of the speeds at both ends of the period, in counts and metres a period
         mean_left, mean_right = (left.speed + free_left) / 2, (right.speed + free_right) / 2
         self._counts = mean_left, mean_right
         sd = self._spot_slip_sd if mean_left * mean_right < 0.0 else self._slip_sd
         slip_left, slip_right = next(self._slip)
-        return (mean_left * PULSE, mean_right * PULSE), (sd * slip_left, sd * slip_right)
+        slip = sd * slip_left, sd * slip_right
+        if self._ailments is not None:
+            slip = self._ailments.slip(self.time, slip)
+        return (mean_left * PULSE, mean_right * PULSE), slip
 
     def _wheel(self) -> Wheel:
         model = self.model

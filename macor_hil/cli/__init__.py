@@ -6,7 +6,7 @@ Nothing heavy is imported here: a Ctrl-C while that happens ends the program wit
 import os
 import sys
 
-from khepera_protocol.startup import INTERRUPTED, begin, ignore_signals
+from khepera_protocol.system.startup import INTERRUPTED, begin, ignore_signals
 
 
 def main() -> None:

@@ -1,7 +1,6 @@
 """Functions that several commands share: hardware that they open, and progress that they show."""
 
 import os
-import select
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Final
@@ -9,6 +8,7 @@ from typing import Final
 import typer
 import zenoh
 from khepera_protocol.extras import how_to_install
+from khepera_protocol.system.waiting import input_waits
 from khepera_protocol.zenoh.controller_payloads import Decision
 from rich.console import Console
 from rich.progress import (
@@ -35,8 +35,8 @@ COLUMNS = (
 )
 
 _INPUT: Final = 0
-_LOOK: Final = 100
-"""Milliseconds between two looks for a signal."""
+_LOOK: Final = 0.1
+"""Seconds between two looks for a signal."""
 
 
 def decision_line(decision: Decision) -> str:
@@ -174,11 +174,9 @@ def _read_line() -> str:
     Raises:
         MacorError: the input has ended.
     """
-    poll = select.poll()
-    poll.register(_INPUT, select.POLLIN)
     line = b""
     while not line.endswith(b"\n"):
-        if not poll.poll(_LOOK):
+        if not input_waits(_INPUT, _LOOK):
             continue
         byte = os.read(_INPUT, 1)
         if not byte:

@@ -1,12 +1,12 @@
 """Exit statuses of the commands of `macor-hil`, and reports of work cut short."""
 
-import select
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 from typing import Final
 
 import typer
+from khepera_protocol.system.waiting import is_broken
 
 from macor_hil.safety.interruption import interruption_in_charge
 
@@ -51,9 +51,7 @@ def status_after(name: str) -> Status:
 
 def closed_output() -> str:
     """Return a name for it if nobody can read the standard output any more, else nothing."""
-    poll = select.poll()
-    poll.register(_OUTPUT, 0)  # errors only
-    return CLOSED_OUTPUT if poll.poll(0) else ""
+    return CLOSED_OUTPUT if is_broken(_OUTPUT) else ""
 
 
 def told(line: str) -> None:

@@ -1,5 +1,7 @@
 """Commands that score planners, and reproduce the paper's experiments."""
 
+import shlex
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,10 +12,20 @@ from khepera_protocol.zenoh.payloads import Reset
 from pydantic import Field
 from rich import box
 from rich.console import Console
-from rich.progress import Progress, TaskID
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Table
+from rich.text import Text
 
-from macor_hil.cli.common import COLUMNS, extra, hardware_of, progress_bar
+from macor_hil.cli.common import extra, hardware_of, progress_bar
 from macor_hil.cli.ending import kept
 from macor_hil.cli.paths import check_folder
 from macor_hil.errors import MacorError
@@ -58,8 +70,9 @@ class ReproduceOptions(Options):
     """An experiment over many training seeds."""
 
     name: Annotated[str, Cli(argument=True)] = Field(
-        description="figure2 to figure5 or table1 of the paper; beyond, goals, drift, arenas;"
-        " peers, which needs the extra of that name; or all but peers."
+        description="figure2 to figure5 or table1 of the paper; conditions, sensitivity, beyond,"
+        " goals, drift, arenas, amounts; peers, which needs the extra of that name; or all but"
+        " peers."
     )
     seeds: int = Field(default=30, ge=1, description="Training seeds: 1 to this number.")
     workers: Annotated[int | None, Cli(show_default="one for each processor")] = Field(
@@ -79,7 +92,18 @@ class ReproduceOptions(Options):
         default=Path("runs/reproduction"), description="For recordings, results and the report."
     )
     quick: bool = Field(
-        default=False, description="Shorter trainings in fewer arenas: of arenas only."
+        default=False,
+        description="Shorter trainings, fewer trials and arenas: minutes, to see whether all is"
+        " well.",
+    )
+    arena: Annotated[str | None, Cli(metavar="NAME|FILE")] = Field(
+        default=None,
+        description="Train and drive in this arena instead, where an experiment has one.",
+    )
+    settings: Annotated[tuple[str, ...], Cli(flags=("--set",), metavar="NAME=VALUE")] = Field(
+        default=(),
+        description="A setting of the experiment, such as drive.random=2000, nodes=30 or"
+        " course.trials=3.",
     )
 
 
@@ -183,27 +207,61 @@ def _starts(possible: list[Possible]) -> str:
 def reproduce(options: ReproduceOptions) -> None:
     """Run an experiment of the paper over many training seeds, and write a report page.
 
-    What is done stays done: a run that was interrupted goes on when started again.
+    What is done stays done: a run that was interrupted goes on when started again. All trials are
+    rows of a CSV file beside the report.
     """
-    with extra("experiments"):
-        from macor_hil.experiments import catalogue
-        from macor_hil.experiments.sweep import runner
-    out = options.out
-    chosen = catalogue.with_planners(catalogue.find(options.name), options.planner)
-    if options.quick:
-        chosen = catalogue.quick(chosen)
-    check_folder("--out", out)
     with (
-        kept(lambda: f"what is done is kept in {out}; the same command goes on from there"),
-        Progress(*COLUMNS, console=Console(stderr=True)) as bars,
+        kept(lambda: _how_to_go_on(options.out)),
+        _progress() as bars,
     ):
-        tasks: dict[str, TaskID] = {}
-
-        def watch(what: str, done: int, of: int) -> None:
-            if done == 0:
-                tasks[what] = bars.add_task(what, total=of)
-            bars.update(tasks[what], completed=done)
-
-        workers = options.workers or runner.ALL
-        page = runner.reproduce(chosen, options.seeds, workers, out, watch, options.cluster)
+        bars.add_task(f"reproduce {options.name}", total=None)
+        with extra("experiments"):
+            from macor_hil.experiments import catalogue
+            from macor_hil.experiments.sweep import changes, runner
+        chosen = catalogue.find(options.name)
+        if options.quick:
+            chosen = changes.quick(chosen)
+        if options.arena is not None:
+            chosen = changes.in_arena(chosen, options.arena)
+        chosen = changes.with_settings(chosen, options.settings)
+        chosen = catalogue.with_planners(chosen, options.planner)
+        check_folder("--out", options.out)
+        workers, watch = options.workers or runner.ALL, _Watch(bars)
+        page = runner.reproduce(chosen, options.seeds, workers, options.out, watch, options.cluster)
     typer.echo(str(page))
+
+
+def _how_to_go_on(out: Path) -> str:
+    command = shlex.join(["macor-hil", *sys.argv[1:]])
+    return f"what is done is kept in {out}; go on with: {command}"
+
+
+class _Count(MofNCompleteColumn):
+    """How much is done of how much; nothing where that is not known."""
+
+    def render(self, task: Task) -> Text:
+        """Return the text of a task."""
+        return Text() if task.total is None else super().render(task)
+
+
+def _progress() -> Progress:
+    """Return bars that move by themselves; where there is no terminal, none are shown."""
+    console = Console(stderr=True)
+    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), _Count()
+    return Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal)
+
+
+class _Watch:
+    """Shows a bar for each piece of work; where there is no terminal, a line for each step."""
+
+    def __init__(self, bars: Progress) -> None:
+        self._bars = bars
+        self._tasks: dict[str, TaskID] = {}
+
+    def __call__(self, what: str, done: int, of: int) -> None:
+        """Show how much is done."""
+        if done == 0:
+            self._tasks[what] = self._bars.add_task(what, total=of)
+        self._bars.update(self._tasks[what], completed=done)
+        if not self._bars.console.is_terminal:
+            self._bars.console.print(f"{what}: {done} of {of}")

@@ -1,12 +1,13 @@
 """Beyond the paper: what each change to the planner gives, where it was trained and where not.
 
 The same trainings as in table 1. From the paper's wave, which takes the best outcome that ever
-occurred, over outcomes weighed by their counts, to graded situations on Fuzzy ART's nodes, on as
-many prototypes placed by k-means, and to experience that counts as its mirror image, too; each in
-the corridor that it was trained in, from the start and from anywhere, and in arenas that it has
-never seen.
+occurred, over outcomes weighed by their counts (`expected`), to graded situations on Fuzzy ART's
+nodes, on as many prototypes placed by k-means, and to experience that counts as its mirror image,
+too (`graded`); each in the corridor that it was trained in, from the start and from anywhere, and
+in arenas that it has never seen.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -31,10 +32,11 @@ from macor_hil.experiments.drives.systems import (
     learn_all,
     situations_of,
 )
-from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
@@ -106,7 +108,7 @@ class _Boxes:
 
 
 def _steps_to(graded: System, settings: Settings, recording: Recording) -> dict[str, System]:
-    """Return the steps from expected value to the graded system, one change at a time."""
+    """Return the steps from `expected` to `graded`, one change at a time."""
     art = graded.brain.clusterer
     assert isinstance(art, FuzzyArt)
     changed = {ON_NODES: _Boxes(art), PLACED: situations_of(recording)}
@@ -202,13 +204,31 @@ def _verdict(settings: Settings, results: Results) -> str:
         )
 
     home = settings.courses[0]
-    said = f"Graded situations drive {driven(home)} where they were trained"
+    said = f"{GRADED} drives {driven(home)} where it was trained"
     away = [course for course in settings.courses if course.arena != home.arena]
     if away:
         least = min(away, key=part)
         said += f", and in arenas never seen at least {driven(least)}, in {least.arena}"
     return f"{said}."
 
+
+def rows(_: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each trial."""
+    for seed, result in results.items():
+        for place, by_system in result["trials"].items():
+            for system, trials in by_system.items():
+                where: Row = {"place": place, "seed": seed, "system": system}
+                yield from trial_rows(map(trial_from_json, trials), where)
+
+
+QUICK: Final = Settings(
+    drive=QUICK_DRIVE,
+    courses=(
+        Course(trials=2),
+        Course(trials=2, anywhere=True),
+        Course("corridor-mirror", trials=2),
+    ),
+)
 
 BEYOND = Experiment(
     "beyond",
@@ -217,4 +237,6 @@ BEYOND = Experiment(
     trial,
     draw,
     tell,
+    quick=QUICK,
+    rows=rows,
 )

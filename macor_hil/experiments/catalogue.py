@@ -1,35 +1,41 @@
 """All experiments, in the order of the report."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.util import find_spec
 from typing import Final
 
 from khepera_protocol.extras import how_to_install
 
 from macor_hil.errors import MacorError
-from macor_hil.experiments.arenas import ARENAS
 from macor_hil.experiments.beyond import BEYOND
 from macor_hil.experiments.drift import DRIFT
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.goals import GOALS
 from macor_hil.experiments.paper import table1
+from macor_hil.experiments.paper.conditions import CONDITIONS
 from macor_hil.experiments.paper.figure2 import FIGURE2
 from macor_hil.experiments.paper.figure3 import FIGURE3
 from macor_hil.experiments.paper.figure4 import FIGURE4
-from macor_hil.experiments.paper.table1 import FIGURE5, TABLE1
+from macor_hil.experiments.paper.figure5 import FIGURE5
+from macor_hil.experiments.paper.sensitivity.experiment import SENSITIVITY
+from macor_hil.experiments.paper.table1 import TABLE1
 from macor_hil.experiments.peers import PEERS
+from macor_hil.experiments.suite.amounts import AMOUNTS
+from macor_hil.experiments.suite.arenas import ARENAS
 
 EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     FIGURE2,
     FIGURE3,
     FIGURE4,
+    CONDITIONS,
     TABLE1,
     FIGURE5,
+    SENSITIVITY,
     BEYOND,
     GOALS,
     DRIFT,
     ARENAS,
+    AMOUNTS,
     PEERS,
 )
 
@@ -63,21 +69,9 @@ def with_planners(
     Raises:
         MacorError: table 1 is not among them, or there is no such planner.
     """
-    if planners and TABLE1 not in experiments:
+    if planners and TABLE1.name not in {each.name for each in experiments}:
         raise MacorError(f"--planner adds rows to {TABLE1.name}; reproduce that")
     return tuple(
-        table1.with_planners(each, planners) if each is TABLE1 else each for each in experiments
+        table1.with_planners(each, planners) if each.name == TABLE1.name else each
+        for each in experiments
     )
-
-
-def quick(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
-    """Return experiments with settings that take minutes.
-
-    Raises:
-        MacorError: one of them has none.
-    """
-    for experiment in experiments:
-        if experiment.quick is None:
-            able = ", ".join(e.name for e in EXPERIMENTS if e.quick is not None)
-            raise MacorError(f"{experiment.name} has no quick form; these have: {able}")
-    return tuple(replace(experiment, settings=experiment.quick) for experiment in experiments)

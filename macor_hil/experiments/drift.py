@@ -6,7 +6,9 @@ and on one whose wheels do not; both maps then drive robots without drift, with 
 robot's drift, and with one that pulls to one side by a known amount.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -14,10 +16,11 @@ from matplotlib.figure import Figure
 
 from macor_hil.experiments.drives.course import Course, on_course, trial_as_json, trial_from_json
 from macor_hil.experiments.drives.systems import ANTICIPATIVE, GRADED, Learning, learn_all
-from macor_hil.experiments.drives.training_drive import Drive, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.drawing import draw_seeds
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import estimate, mean, order
 from macor_hil.experiments.results.store import Result, Results
 
@@ -45,6 +48,11 @@ class Settings(Learning):
     def arenas(self) -> tuple[str, ...]:
         """The arenas of the trials."""
         return (self.course.arena,)
+
+
+def drives(settings: Settings, _: Path) -> list[Drive]:
+    """Return the training drives of a seed, one with each drift."""
+    return [replace(settings.drive, drift=drift) for drift in settings.trained]
 
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
@@ -137,6 +145,18 @@ def _verdict(settings: Settings, results: Results) -> str:
     return "; ".join(said) + "."
 
 
+def rows(_: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each trial."""
+    for seed, result in results.items():
+        for trained, by_drift in result["trials"].items():
+            for driven, by_system in by_drift.items():
+                for system, trials in by_system.items():
+                    where: Row = {"trained": trained, "driven": driven, "seed": seed}
+                    yield from trial_rows(map(trial_from_json, trials), {**where, "system": system})
+
+
+QUICK: Final = Settings(drive=QUICK_DRIVE, driven=("none", "strong"), course=Course(trials=2))
+
 DRIFT = Experiment(
     "drift",
     "Drift: learned with everything else?",
@@ -145,4 +165,7 @@ DRIFT = Experiment(
     draw,
     tell,
     most_seeds=8,
+    quick=QUICK,
+    rows=rows,
+    drives=drives,
 )

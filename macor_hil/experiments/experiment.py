@@ -2,16 +2,15 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from matplotlib.figure import Figure
 
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.report.elements import Element
+from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
-
-Row = Mapping[str, str | int | float]
-"""A row of a CSV file by its columns."""
 
 
 class Settings(Protocol):
@@ -48,6 +47,8 @@ class Experiment:
             experiment runs when it is asked for by its name.
         quick: settings with which it takes minutes; None: there are none.
         rows: the results as tidy rows of a CSV file beside the report; None: there is no such file.
+        drives: all training drives of a seed, where there are others than that of the settings;
+            given settings and the folder of arena files.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Experiment:
     peer: str | None = None
     quick: Any = None
     rows: Callable[[Any, Results], Iterable[Row]] | None = None
+    drives: Callable[[Any, Path], Sequence[Drive]] | None = None
 
     @property
     def kept_as(self) -> str:

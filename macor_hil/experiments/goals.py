@@ -10,6 +10,7 @@ commands of it does each system need until it earns as much as one that was trai
 from the beginning?
 """
 
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -28,9 +29,10 @@ from macor_hil.experiments.drives.systems import (
     graded_memory,
     learn_all,
 )
-from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.brain import Brain
@@ -192,4 +194,25 @@ def _needed(settings: Settings, results: Results) -> Table:
     )
 
 
-GOALS = Experiment("goals", "Changing goals", Settings(), trial, draw, tell, most_seeds=10)
+def rows(settings: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each look: the mean reinforcement of its trials."""
+    for seed, result in results.items():
+        looks = [(str(frames), result["after"][str(frames)]) for frames in settings.looks]
+        for frames, earned in (*looks, ("trained for it", result["trained for it"])):
+            for system, r in earned.items():
+                yield {"frames": frames, "seed": seed, "system": system, "reinforcement": r}
+
+
+QUICK: Final = Settings(drive=QUICK_DRIVE, looks=(0, 100, 1_000), course=Course(trials=2))
+
+GOALS = Experiment(
+    "goals",
+    "Changing goals",
+    Settings(),
+    trial,
+    draw,
+    tell,
+    most_seeds=10,
+    quick=QUICK,
+    rows=rows,
+)

@@ -32,10 +32,11 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.paper.table1 import (
+from macor_hil.experiments.paper.criteria import (
     order_table,
     per_seed,
     reinforcement_a_step,
+    rows,
     trials_of,
 )
 from macor_hil.experiments.report.drawing import draw_seeds
@@ -191,7 +192,7 @@ def _row(results: Results, name: str, nodes: str) -> tuple[str, ...]:
 
 
 def _pairs(settings: Settings, results: Results) -> list[tuple[str, str]]:
-    """Return the tested pairs: graded situations and the peer, the peer and the paper's systems."""
+    """Return the tested pairs: `graded` and the peer, the peer and the paper's systems."""
     peer, label = best(settings, results), _first(settings)
     return [
         (f"{GRADED}, {label}", peer),
@@ -234,8 +235,8 @@ _FAIRNESS: Final = (
     " takes the best command under this assumption. Q-learning assumes the best command from then"
     " on, and anticipation plans. Values are boxes that only widen, so what a node was first"
     " taught keeps counting. What commands earn is scaled by 1 - lambda, so that values stay"
-    " between 0 and 1; a command that ends in a collision is worth what it earns. Graded"
-    " situations know more than the commands: that the robot is the same on both sides, and what"
+    " between 0 and 1; a command that ends in a collision is worth what it earns. The system"
+    f" {GRADED} knows more than the commands: that the robot is the same on both sides, and what"
     " it saw in the drive that tunes the receptive fields. Trials are greedy; nothing is learned in"
     " them. With other parameters, more passes or a drive of its own choice TD-FALCON may do"
     " better; that was not tried."
@@ -250,4 +251,5 @@ PEERS: Final = Experiment(
     tell,
     most_seeds=10,
     peer=PEER,
+    rows=rows,
 )

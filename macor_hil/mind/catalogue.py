@@ -24,6 +24,8 @@ PLANNERS: Final = Registry(
         "weak-q-learning": "macor_hil.mind.planners.q_learning:WeakQLearning",
         "expected": "macor_hil.mind.planners.expected:Expected",
         "graded": "macor_hil.mind.planners.graded:Graded",
+        "fitted-q": "macor_hil.mind.planners.fitted_q:FittedQ",
+        "successor": "macor_hil.mind.planners.successor:Successor",
         "foresight": "macor_hil.mind.planners.foresight:Foresight",
     },
 )
@@ -34,6 +36,8 @@ MEMORIES: Final = Registry(
         "transitions": "macor_hil.mind.memories.transitions:SensorimotorMap",
         "q-learning": "macor_hil.mind.memories.q_map:QMap",
         "graded": "macor_hil.mind.memories.graded:GradedMemory",
+        "fitted-q": "macor_hil.mind.memories.fitted_q:FittedQMemory",
+        "successor": "macor_hil.mind.memories.successor:SuccessorMap",
         "foresight": "macor_hil.mind.memories.foresight:ForesightMemory",
     },
 )

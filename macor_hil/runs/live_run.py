@@ -1,5 +1,7 @@
 """A live run, from beginning to end: drive a robot by a map, and leave it standing.
 
+::
+
     serve            read the map, make the planner: nothing has moved yet
                      take over signals, open Zenoh, tell watchers, open robot and camera
       drive          until a collision, the last command, or somebody ends the run

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from khepera_protocol.lock_file import NotALockError, give_back_lock, take_lock
+from khepera_protocol.system.lock_file import NotALockError, give_back_lock, take_lock
 
 from macor_hil.errors import MacorError
 

@@ -15,6 +15,8 @@ from math import inf
 from types import FrameType
 from typing import Final, Self
 
+from khepera_protocol.system.signals import SIGNALS, is_hangup
+
 _LOCKING: Final = ("threading", "queue")
 """Modules written in Python whose locks an exception at any place may leave locked."""
 
@@ -23,9 +25,6 @@ _AGAIN: Final = 0.02
 
 _TRIES: Final = 10
 """Times that it is tried: whoever is there longer than that waits, and locks nothing."""
-
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-"""Signals that tell a program to end: Ctrl-C and Ctrl-\\, `kill`, a closed terminal."""
 
 _ORDERLY: Final = 1.0
 """Seconds after an interrupt for which no other one comes."""
@@ -65,7 +64,7 @@ class Interruption:
             self._before = {
                 number: signal.signal(number, self._come)
                 for number in _from_python()
-                if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN
+                if not is_hangup(number) or signal.getsignal(number) is not signal.SIG_IGN
             }
         return self
 
@@ -113,8 +112,15 @@ class Interruption:
     def _come_again(self, number: int) -> None:
         time.sleep(_AGAIN)
         if self._tries:  # nobody has raised it meanwhile
-            # a signal again, which ends a wait, too
-            signal.pthread_kill(threading.main_thread().ident or 0, number)
+            _send_to_main_thread(number)
+
+
+def _send_to_main_thread(number: int) -> None:
+    """Send a signal again, which ends a wait, too; where there are none, the handler is called."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        _thread.interrupt_main(signal.Signals(number))
 
 
 def _may_lock(frame: FrameType | None) -> bool:

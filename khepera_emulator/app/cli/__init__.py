@@ -5,7 +5,7 @@ Nothing heavy is imported here: a signal while that happens ends the program wit
 
 import sys
 
-from khepera_protocol.startup import INTERRUPTED, begin, ignore_signals
+from khepera_protocol.system.startup import INTERRUPTED, begin, ignore_signals
 
 
 def main() -> None:

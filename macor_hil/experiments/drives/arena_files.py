@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from macor_hil.errors import MacorError
 from macor_hil.files import write_atomically
 
 
@@ -58,3 +59,22 @@ def bundled_arenas() -> tuple[str, ...]:
     from khepera_emulator.arenas.arena import arena_names
 
     return tuple(sorted(arena_names()))
+
+
+def arena_for_port(arena: str) -> str:
+    """Return an arena as ports and results name it: its name, or the whole path of its file.
+
+    Raises:
+        MacorError: there is no such arena, or a port could not name its file.
+    """
+    from khepera_emulator.arenas.arena import load_arena
+    from khepera_emulator.errors import EmulatorError
+
+    try:
+        load_arena(arena)
+    except EmulatorError as error:
+        raise MacorError(str(error)) from None
+    place = arena if arena in bundled_arenas() else str(Path(arena).resolve())
+    if set(place) & set("%#?"):
+        raise MacorError(f"the arena {place!r}: give it a path without %, # and ?")
+    return place

@@ -4,10 +4,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import radians
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from khepera_protocol.zenoh.payloads import Outline, Pose, Reset
+from pydantic import AfterValidator, Field
 
 from macor_hil.errors import BenchError
 from macor_hil.hardware.bench import Bench
@@ -28,26 +29,40 @@ class System(NamedTuple):
     planner: Planner
 
 
+_Count = Annotated[int, Field(ge=1)]
+_Most = Annotated[float, Field(ge=0.0)]
+
+
+def _known(light: str) -> str:
+    if light not in LIGHTS:
+        raise ValueError(f"there is no light {light!r}; there are {', '.join(LIGHTS)}")
+    return light
+
+
+Lighting = Annotated[str, AfterValidator(_known)]
+"""Name of a light in `cameras.light`."""
+
+
 @dataclass(frozen=True)
 class Course:
     """Trials: where they start and when they end (section 3.2)."""
 
     arena: str = "corridor"
     """The arena of the trials."""
-    trials: int = 10
+    trials: _Count = 10
     """Trials of each system; all systems start from the same places."""
-    commands: int = MAX_COMMANDS
+    commands: _Count = MAX_COMMANDS
     """Commands after which a trial ends without a collision."""
-    ahead: float = 0.01
+    ahead: _Most = 0.01
     """Starts differ from the arena's own by up to so many metres along,"""
-    aside: float = 0.01
+    aside: _Most = 0.01
     """across,"""
-    heading: float = 5.0
+    heading: _Most = 5.0
     """and degrees."""
     anywhere: bool = False
     """Starts are free places anywhere in the arena instead."""
-    light: str = AS_TRAINED
-    """Light in which they are driven, by its name in `cameras.light`."""
+    light: Lighting = AS_TRAINED
+    """Light in which they are driven."""
 
     def spread(self) -> Spread:
         """Return the spread of starts, in metres and radians."""

@@ -40,6 +40,8 @@ _MOST_BYTES: Final = 256 * MIB
 _MOST_RAW: Final = 10.0
 _SECONDS: Final = TypeAdapter(Annotated[float, Field(ge=0.0, le=1e9)])
 
+_Count = Annotated[int, Field(ge=1)]
+
 PUT_DOWN: Final = -1
 """Stands for the command of a frame that was seen where the robot had been put down."""
 
@@ -60,11 +62,11 @@ class Drive:
     """The arena of the drive."""
     drift: str = "default"
     """The spread of the robots' wheels; each seed is another robot."""
-    tuning: int = 400
+    tuning: _Count = 400
     """Commands driven first to tune the receptive fields; not recorded."""
-    random: int = 13_000
+    random: _Count = 13_000
     """Randomly selected commands."""
-    reactive: int = 0
+    reactive: Annotated[int, Field(ge=0)] = 0
     """Reactively selected commands after them."""
     brain: MindSettings = field(default_factory=_enough_to_drive)
     """Eyes, and what selects reactively; other systems learn from the recording."""
@@ -89,6 +91,10 @@ SHARED: Final = 11_000
 
 SECTION_31: Final = Drive(random=11_000, reactive=2_000)
 """The drive of figures 2 to 4: "ca. 11000 randomly selected and about 2000 reactively selected"."""
+
+
+QUICK_DRIVE: Final = Drive(tuning=100, random=1_500)
+"""The drive of all quick experiments."""
 
 
 @dataclass(frozen=True)

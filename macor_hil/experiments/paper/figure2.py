@@ -5,6 +5,7 @@ distance from every input to the middle of its node is averaged. The Neural Gas 
 five presentations, with the parameters of a breadth search; Fuzzy ART has none to fall.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,15 +13,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from macor_hil.arrays import Array
-from macor_hil.experiments.drives.training_drive import SECTION_31, Drive, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, SECTION_31, Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.paper.both_clusterers import ART, GAS, searched_annealing
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, order
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.clusterer import Clusterer
 from macor_hil.mind.clusterers.clusterer_error import clusterer_errors, situations
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
-from macor_hil.mind.clusterers.neural_gas import Annealing, Breadth, NeuralGas, search
+from macor_hil.mind.clusterers.neural_gas import Breadth, NeuralGas
 
 
 @dataclass(frozen=True)
@@ -52,22 +55,12 @@ class Settings:
         return ()
 
 
-ART: Final = "Fuzzy ART"
-GAS: Final = "Neural Gas"
-
-
-def full_annealing(settings: Settings, inputs: Array, seed: int) -> Annealing:
-    """Return the parameters of the smallest error, annealed over all presentations."""
-    data = inputs[:: settings.searched]
-    tried = settings.breadth.annealings(settings.annealed * len(data))
-    best = search(data, settings.nodes, tried, settings.annealed, seed)
-    return Annealing(best.rate, best.radius, settings.annealed * len(inputs))
-
-
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Present the inputs of a seed again and again, and measure after each time."""
     inputs = recordings[seed].inputs[: settings.inputs]
-    annealing = full_annealing(settings, inputs, seed)
+    annealing = searched_annealing(
+        inputs, settings.nodes, settings.breadth, settings.annealed, settings.searched, seed
+    )
     clusterers: dict[str, Clusterer] = {
         ART: FuzzyArt(inputs.shape[1], settings.nodes, settings.vigilance, settings.alpha),
         GAS: NeuralGas(inputs.shape[1], settings.nodes, annealing, seed),
@@ -130,6 +123,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
 def tell(settings: Settings, results: Results) -> list[Element]:
     """Errors after each presentation, and what the search found."""
     return [
+        Text(_first_sentence(settings, results)),
         Text(
             f"{len(results)} recordings of {settings.inputs} inputs, {settings.nodes} nodes,"
             f" vigilance {settings.vigilance:g}. The Neural Gas is annealed over"
@@ -160,15 +154,39 @@ def _table(results: Results) -> Table:
     return Table("Clusterer error, interquartile mean over seeds", head, rows)
 
 
+def _first_sentence(settings: Settings, results: Results) -> str:
+    """Return whether the claim holds: order of errors and variances, and after how many."""
+    last = {name: _over_seeds(results, name, "mean")[-1] for name in (ART, GAS)}
+    spread = {name: _over_seeds(results, name, "variance")[-1] for name in (ART, GAS)}
+    parts = {
+        "Fuzzy ART has the greater error": order(last[ART], last[GAS]).holds,
+        "it has the greater variance": order(spread[ART], spread[GAS]).holds,
+        "it is done after the first presentation": _settled(results, ART) == 1,
+        f"the Neural Gas only after {settings.annealed}": _settled(results, GAS)
+        == settings.annealed,
+    }
+    wrong = [part for part, true in parts.items() if not true]
+    where = (
+        f"in the {settings.drive.arena}, with {settings.nodes} nodes, vigilance"
+        f" {settings.vigilance:g} and {settings.inputs:,} inputs"
+    )
+    if not wrong:
+        return f"The claim of figure 2 holds here, {where}: {'; '.join(parts)}."
+    return f"The claim of figure 2 does not hold here, {where}; not shown: {'; '.join(wrong)}."
+
+
+def _settled(results: Results, name: str) -> int:
+    """Return the presentation after which the mean error is that of the last one, but for 1 %."""
+    means = [float(np.mean(values)) for values in _over_seeds(results, name, "mean")]
+    return [abs(each / means[-1] - 1) < _SETTLED for each in means].index(True) + 1
+
+
 def _verdict(settings: Settings, results: Results) -> str:
     last = {name: _over_seeds(results, name, "mean")[-1] for name in (ART, GAS)}
     spread = {name: _over_seeds(results, name, "variance")[-1] for name in (ART, GAS)}
     first = _over_seeds(results, ART, "mean")[0]
-    gas = _over_seeds(results, GAS, "mean")
     lower, steadier = order(last[ART], last[GAS]), order(spread[ART], spread[GAS])
     moved = estimate([abs(a - b) / b for a, b in zip(first, last[ART], strict=True)])
-    settles = [bool(abs(np.mean(values) / np.mean(gas[-1]) - 1) < _SETTLED) for values in gas]
-    presentation = settles.index(True) + 1
     return (
         f"The paper: the error of Fuzzy ART is much higher, its variance too, but it is reached"
         f" after the first presentation, that of the Neural Gas after the fifth. Here the error of"
@@ -177,7 +195,7 @@ def _verdict(settings: Settings, results: Results) -> str:
         f" ({steadier.wins} of {steadier.seeds} seeds, p = {steadier.p:.4f}). Fuzzy ART's error"
         f" after the first presentation differs by {100 * moved.value:.1f} % from its last one;"
         f" that of the Neural Gas comes within {100 * _SETTLED:.0f} % of its last one after"
-        f" presentation {presentation} of {settings.presentations}."
+        f" presentation {_settled(results, GAS)} of {settings.presentations}."
     )
 
 
@@ -194,4 +212,25 @@ def _found(results: Results) -> Table:
     return Table("What the breadth search found", head, tuple(rows))
 
 
-FIGURE2 = Experiment("figure2", "Figure 2: clusterer error", Settings(), trial, draw, tell)
+def rows(_: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each presentation."""
+    for seed, result in results.items():
+        for system, errors in result["errors"].items():
+            pairs = zip(errors["mean"], errors["variance"], strict=True)
+            for number, (error, variance) in enumerate(pairs, 1):
+                where: Row = {"seed": seed, "system": system, "presentation": number}
+                yield {**where, "error": error, "variance": variance}
+
+
+QUICK: Final = Settings(drive=QUICK_DRIVE, inputs=1_500)
+
+FIGURE2 = Experiment(
+    "figure2",
+    "Figure 2: clusterer error",
+    Settings(),
+    trial,
+    draw,
+    tell,
+    quick=QUICK,
+    rows=rows,
+)

@@ -5,9 +5,19 @@ NG, the parameters learning radius and learning rate were again determined using
 All other experimental configuration is the same as before."
 """
 
+from dataclasses import replace
 from typing import Final
 
-from macor_hil.experiments.paper.figure3 import Settings, differences, make, side_by_side
+from macor_hil.experiments.paper.avoidance import figure4_claim
+from macor_hil.experiments.paper.figure3 import (
+    QUICK,
+    Settings,
+    both_behaviours,
+    differences,
+    first_sentence,
+    make,
+    side_by_side,
+)
 from macor_hil.experiments.report.elements import Element, Text
 from macor_hil.experiments.results.store import Results
 
@@ -19,7 +29,13 @@ _CLAIM: Final = (
 
 def tell(settings: Settings, results: Results) -> list[Element]:
     """Report steps and behaviour side by side, with the paper's claim."""
-    return [*side_by_side(settings, results, {}), Text(_CLAIM), Text(differences(settings))]
+    claim = figure4_claim(*both_behaviours(settings, results))
+    return [
+        Text(first_sentence("figure 4", claim, settings, results)),
+        *side_by_side(settings, results, {}),
+        Text(_CLAIM),
+        Text(differences(settings)),
+    ]
 
 
 FIGURE4 = make(
@@ -27,4 +43,5 @@ FIGURE4 = make(
     "Figure 4: reactive navigation after 1,000 steps of sensory training",
     Settings(art_inputs=1_000, gas_inputs=1_000, gas_presentations=1, searched=1),
     tell,
+    replace(QUICK, art_inputs=200, gas_inputs=200, gas_presentations=1, searched=1),
 )

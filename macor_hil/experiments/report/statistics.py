@@ -80,6 +80,33 @@ def sign_flip_p(differences: Sequence[float]) -> float:
     return float(np.mean(sums >= d.sum() - 1e-9 * np.abs(d).sum()))
 
 
+def too_few(seeds: int, tests: int = 1) -> str:
+    """Return a sentence if so few seeds cannot make a sign-flip test hold; else nothing.
+
+    Args:
+        seeds: pairs of each test.
+        tests: that are to hold together by Holm's correction.
+    """
+    if 0.5**seeds < (1 - LEVEL) / tests:
+        return ""
+    together = "" if tests == 1 else f" in {tests} tests at the same time"
+    return f" With {seeds} seeds p < 0.05{together} cannot be reached whatever happens."
+
+
+def holm(p: Sequence[float], level: float = 1 - LEVEL) -> list[bool]:
+    """Return which of several tests hold together, by Holm's step-down correction.
+
+    With it the probability that any of them is wrong stays below the level. Source: S. Holm, "A
+    simple sequentially rejective multiple test procedure", 1979.
+    """
+    held = [False] * len(p)
+    for left, place in zip(range(len(p), 0, -1), np.argsort(p, kind="stable"), strict=True):
+        if p[place] > level / left:
+            break
+        held[place] = True
+    return held
+
+
 @dataclass(frozen=True, slots=True)
 class Order:
     """A test of one system against another, paired by training seed.

@@ -10,11 +10,11 @@ import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from fcntl import LOCK_EX, LOCK_NB, flock
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
+from khepera_protocol.system.locking import lock_now
 from pydantic import TypeAdapter
 from pydantic_core import from_json
 
@@ -162,7 +162,7 @@ def only_one(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise MacorError(f"cannot write to {folder}: {error.strerror}") from None
     try:
-        flock(handle, LOCK_EX | LOCK_NB)
+        lock_now(handle)
         yield
     except BlockingIOError:
         raise MacorError(f"another sweep is writing to {folder}; wait for it") from None

@@ -31,6 +31,7 @@ ALL: Final = -1
 """As many workers as this machine has processors, or the cluster has workers."""
 
 _T = TypeVar("_T")
+_Given = TypeVar("_Given")
 
 COSTS: Final = "costs.jsonl"
 """Times of each piece of work; kept apart from results, which are the same on every run."""
@@ -96,8 +97,9 @@ def _sweep(
     if missing:
         # puts in order what a kill may have left: half a line, or seeds out of order
         file.write(results)
-        unrecorded = [seed for seed in missing if not recordings.has(seed)]
-        for seed, _, seconds in _parallel(recordings.make, unrecorded, workers, "driving", watch):
+        unrecorded = _unrecorded(experiment, missing, out)
+        driving = f"driving for {experiment.name}"
+        for (_, seed), _, seconds in _parallel(_record, unrecorded, workers, driving, watch):
             append_line(out / COSTS, _cost("recording", seed, seconds))
         work = _Trial(experiment.trial, settings, recordings)
         for seed, result, seconds in _parallel(work, missing, workers, experiment.name, watch):
@@ -109,6 +111,22 @@ def _sweep(
                 append_line(out / COSTS, _cost(f"{experiment.kept_as}: {part}", seed, spent))
         file.write(results)
     return {seed: results[seed] for seed in seeds}
+
+
+def _unrecorded(
+    experiment: Experiment, seeds: Sequence[int], out: Path
+) -> list[tuple[Recordings, int]]:
+    """Return the drives of seeds that are not there; one by one, so that workers share them."""
+    drives = [experiment.settings.drive]
+    if experiment.drives is not None:
+        drives = list(dict.fromkeys(experiment.drives(experiment.settings, out / "arenas")))
+    found = [Recordings(out / "recordings", drive) for drive in drives]
+    return [(each, seed) for seed in seeds for each in found if not each.has(seed)]
+
+
+def _record(drive: tuple[Recordings, int]) -> None:
+    recordings, seed = drive
+    recordings.make(seed)
 
 
 def _with_others(all_results: Sequence[Results]) -> Results:
@@ -135,10 +153,10 @@ class _Trial:
 
 
 def _parallel(
-    work: Callable[[int], _T], seeds: Sequence[int], workers: int, what: str, watch: Watch
-) -> Iterator[tuple[int, _T, float]]:
-    """Work on all seeds: seed, outcome and seconds of each, in the order they are done."""
-    calls = [joblib.delayed(_timed)(work, seed) for seed in seeds]
+    work: Callable[[_Given], _T], todo: Sequence[_Given], workers: int, what: str, watch: Watch
+) -> Iterator[tuple[_Given, _T, float]]:
+    """Work on everything: given, outcome and seconds of each, in the order that they are done."""
+    calls = [joblib.delayed(_timed)(work, given) for given in todo]
     if not calls:
         return
     watch(what, 0, len(calls))
@@ -148,10 +166,10 @@ def _parallel(
         watch(what, done, len(calls))
 
 
-def _timed(work: Callable[[int], _T], seed: int) -> tuple[int, _T, float]:
+def _timed(work: Callable[[_Given], _T], given: _Given) -> tuple[_Given, _T, float]:
     start = time.perf_counter()
-    value = work(seed)
-    return seed, value, time.perf_counter() - start
+    value = work(given)
+    return given, value, time.perf_counter() - start
 
 
 def _costs(path: Path) -> list[dict[str, Any]]:

@@ -9,13 +9,15 @@ from math import ceil
 from types import SimpleNamespace
 from typing import Any
 
-import serial.serialposix
-import serial.urlhandler.protocol_socket
-
 
 def let_pyserial_poll() -> None:
     """Have pySerial's devices and sockets wait with `poll`, where they do not yet."""
-    modules: tuple[Any, ...] = (serial.serialposix, serial.urlhandler.protocol_socket)
+    if not hasattr(select, "poll"):  # Windows, which has no such limit
+        return
+    from serial import serialposix
+    from serial.urlhandler import protocol_socket
+
+    modules: tuple[Any, ...] = (serialposix, protocol_socket)
     for module in modules:
         if module.select is select:
             module.select = SimpleNamespace(**{**vars(select), "select": _select})

@@ -1,12 +1,13 @@
 """Links to terminals of emulators that are gone."""
 
-import fcntl
 import os
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from khepera_protocol.terminal_link import LOCK_TEXT, lock_beside
+from khepera_protocol.system.locking import lock_now
+from khepera_protocol.system.opening import AT_ONCE, NO_LINK, UNSHARED
+from khepera_protocol.system.terminal_link import LOCK_TEXT, lock_beside
 
 _MOST_LINKS: Final = 40
 """Links that lead to each other, as many as Linux follows."""
@@ -31,11 +32,11 @@ def is_stale_link(path: Path) -> bool:
 def _holder_is_gone(path: Path) -> bool:
     """Return True if there is an emulator's lock that nobody holds."""
     try:
-        lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        lock = os.open(path, os.O_RDONLY | NO_LINK | AT_ONCE | UNSHARED)
     except OSError:
         return False  # not an emulator's link: that of a device, for example
     try:
-        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        lock_now(lock, shared=True)
         # a new lock is still empty, and one of another kind is none
         return os.read(lock, len(LOCK_TEXT) + 1) in (LOCK_TEXT, b"")
     except OSError:

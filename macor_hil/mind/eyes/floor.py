@@ -39,7 +39,7 @@ class FloorEyes(PanoramaEyes):
 
     @property
     def raw_size(self) -> int:
-        """Number of untuned features R: one for each feature, the profile, and the sights."""
+        """Number of untuned features R, the profile and the sights included."""
         return self.size + self.directions + SECTORS * len(CHANNELS)
 
     def look(self, image: Image) -> Array:

@@ -45,7 +45,7 @@ class PanoramaEyes:
 
     @property
     def raw_size(self) -> int:
-        """Number of untuned features R: one for each feature."""
+        """Number of untuned features R, one for each feature."""
         return self.size
 
     @property

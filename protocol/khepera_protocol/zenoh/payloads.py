@@ -24,6 +24,9 @@ from khepera_protocol.zenoh.payload_model import (
 MOST_SOLIDS: Final = 2_000
 """Solids of an outline."""
 
+MOST_FAULTS: Final = 1_000
+"""Faults of a robot that last at the same time."""
+
 
 class Stamp(Payload):
     """Attachment of every sample."""
@@ -58,6 +61,9 @@ class Truth(Payload):
     contact: bool = Field(description="whether the body touches something now")
     touched: bool = Field(description="whether it has touched something since the last reset")
     drift: WheelDrift
+    faults: Annotated[tuple[Text, ...], FailFast()] = Field(
+        default=(), max_length=MOST_FAULTS, description="kinds of its own faults that last now"
+    )
 
 
 class Reset(Payload):

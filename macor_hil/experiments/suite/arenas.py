@@ -6,7 +6,7 @@ trained on a mixture of generated arenas, and driven in generated ones that are 
 search over the floor plan tells how many commands are possible from each start.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -16,39 +16,51 @@ from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
 from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
-from macor_hil.experiments.drives.course import (
-    Course,
-    System,
-    on_course,
-    trial_as_json,
-    trial_from_json,
-)
+from macor_hil.experiments.drives.course import Course, Lighting, System
 from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
     EXPECTED,
+    FITTED_Q,
     FORESIGHT,
     GRADED,
     REACTIVE,
+    SUCCESSOR,
     Learning,
     Q,
     learn_all,
-    learn_foresight,
 )
-from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
-from macor_hil.experiments.experiment import Experiment, Row
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
+from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
+from macor_hil.experiments.suite.conditions import (
+    HOW_TO_READ,
+    cell,
+    compared_rows,
+    drive_all,
+    shares_by_seed,
+    trials_of,
+)
 from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Moment
 from macor_hil.mind.planners.planner import NO_PLAN, Plan
-from macor_hil.runs.possible import Possible, Shares, compare, share_of
-from macor_hil.runs.trials import Trial
 
 RANDOM: Final = "random"
 
-SYSTEMS: Final = (RANDOM, REACTIVE, Q, ANTICIPATIVE, EXPECTED, GRADED, FORESIGHT)
+SYSTEMS: Final = (
+    RANDOM,
+    REACTIVE,
+    Q,
+    SUCCESSOR,
+    FITTED_Q,
+    ANTICIPATIVE,
+    EXPECTED,
+    GRADED,
+    FORESIGHT,
+)
 
 DRAWN: Final = (REACTIVE, EXPECTED, GRADED, FORESIGHT)
 
@@ -77,7 +89,7 @@ class Settings(Learning):
     """Seeds of the generated arenas of the mixture."""
     unseen: tuple[int, ...] = tuple(range(15))
     """Seeds of generated arenas that are driven after training on the mixture."""
-    lights: tuple[str, ...] = tuple(name for name in LIGHTS if name != AS_TRAINED)
+    lights: tuple[Lighting, ...] = tuple(name for name in LIGHTS if name != AS_TRAINED)
     """Lights that systems are driven in beside the one of their training."""
     course: Course = field(default_factory=Course)
     """The trials of each system in each arena."""
@@ -89,7 +101,7 @@ class Settings(Learning):
 
 
 QUICK: Final = Settings(
-    drive=Drive(tuning=100, random=1_500),
+    drive=QUICK_DRIVE,
     homes=(
         Place("corridor"),
         Place("corridor", own_colours=True),
@@ -115,6 +127,12 @@ class Aimless:
         return NO_PLAN
 
 
+def drives(settings: Settings, arenas: Path) -> list[Drive]:
+    """Return the training drives of a seed: in every home, and those of the mixture."""
+    homes = [replace(settings.drive, arena=place.file(arenas)) for place in settings.homes]
+    return homes + (_mixture(settings, arenas) if settings.unseen else [])
+
+
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Train and drive all systems of a seed in all arenas."""
     folder = recordings.folder.parent
@@ -128,7 +146,8 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
             for light in (AS_TRAINED, *settings.lights)
         ]
     if settings.mixture and settings.unseen:
-        systems = _systems(settings, _mixed(settings, seed, folder, files))
+        parts = [Recordings(folder, drive)[seed] for drive in _mixture(settings, files)]
+        systems = _systems(settings, _mixed(settings, seed, parts))
         for number in settings.unseen:
             where = Place(number)
             driven.append(_driven(settings, systems, seed, ELSEWHERE, where, files, AS_TRAINED))
@@ -136,19 +155,21 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
 
 
 def _systems(settings: Settings, recording: Recording) -> dict[str, System]:
-    systems = learn_all(settings, recording)
-    brain = systems[REACTIVE].brain
-    systems[FORESIGHT] = learn_foresight(brain, recording)
-    systems[RANDOM] = System(brain, Aimless())
+    systems = learn_all(settings, recording, [name for name in SYSTEMS if name != RANDOM])
+    systems[RANDOM] = System(systems[REACTIVE].brain, Aimless())
     return {name: systems[name] for name in SYSTEMS}
 
 
-def _mixed(settings: Settings, seed: int, folder: Path, files: Path) -> Recording:
+def _mixture(settings: Settings, files: Path) -> list[Drive]:
+    """Return the drives of the mixture, together as long as one in place."""
+    if not settings.mixture:
+        return []
+    part = replace(settings.drive, random=settings.drive.random // len(settings.mixture))
+    return [replace(part, arena=Place(number).file(files)) for number in settings.mixture]
+
+
+def _mixed(settings: Settings, seed: int, parts: Sequence[Recording]) -> Recording:
     """Return drives in several arenas as one; eyes and prototypes are tuned to all of them."""
-    count = len(settings.mixture)
-    part = replace(settings.drive, random=settings.drive.random // count)
-    drives = [replace(part, arena=Place(number).file(files)) for number in settings.mixture]
-    parts = [Recordings(folder, drive)[seed] for drive in drives]
     brain = build_brain(settings.drive.brain)
     raw = np.concatenate([one.raw for one in parts])
     step = max(1, len(raw) // settings.drive.tuning)
@@ -172,59 +193,29 @@ def _driven(
     light: str,
 ) -> Result:
     course = replace(settings.course, arena=place.file(files), light=light)
-    with on_course(course, seed, settings.drive.drift) as track:
-        trials = {name: track.drive(system, seed) for name, system in systems.items()}
-        possible = track.possible(next(iter(trials.values())))
-        outline = track.outline().model_dump(mode="json")
-    return {
-        "trained": trained,
-        "arena": place.name,
-        "look": place.look,
-        "light": light,
-        "outline": outline if light == AS_TRAINED else None,
-        "possible": [[one.length, one.exact] for one in possible],
-        "trials": {name: [trial_as_json(one) for one in of] for name, of in trials.items()},
-    }
+    where = {"trained": trained, "arena": place.name, "look": place.look, "light": light}
+    return where | drive_all(systems, course, seed, settings.drive.drift)
 
 
-def _conditions(results: Results) -> list[Result]:
-    return [driven for result in results.values() for driven in result["driven"]]
+Conditions = list[tuple[int, Result]]
+"""Conditions, each with its training seed."""
 
 
-def _possible(settings: Settings, driven: Result) -> list[Possible]:
-    most = settings.course.commands
-    return [Possible(length, most, exact) for length, exact in driven["possible"]]
+def _conditions(results: Results, wanted: Callable[[Result], bool]) -> Conditions:
+    return [
+        (seed, condition)
+        for seed, result in results.items()
+        for condition in result["driven"]
+        if wanted(condition)
+    ]
 
 
-def _trials(driven: Result, system: str) -> list[Trial]:
-    return [trial_from_json(one) for one in driven["trials"][system]]
-
-
-def rows(settings: Settings, results: Results) -> Iterator[Row]:
-    """Return one row for each trial."""
-    for seed, result in results.items():
-        for driven in result["driven"]:
-            possible = _possible(settings, driven)
-            for system in driven["trials"]:
-                pairs = zip(_trials(driven, system), possible, strict=True)
-                for number, (one, most) in enumerate(pairs):
-                    share = share_of(one, most)
-                    yield {
-                        "trained": driven["trained"],
-                        "arena": driven["arena"],
-                        "look": driven["look"],
-                        "light": driven["light"],
-                        "seed": seed,
-                        "system": system,
-                        "trial": number,
-                        "commands": one.length,
-                        "collided": int(one.collided),
-                        "touched": int(one.touched),
-                        "reinforcement": round(one.total, 3),
-                        "possible": most.length,
-                        "certain": int(most.exact),
-                        "share": "" if share is None else round(share, 4),
-                    }
+def rows(_: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each trial."""
+    for seed, condition in _conditions(results, lambda _: True):
+        for system in condition["trials"]:
+            places = {name: condition[name] for name in ("trained", "arena", "look", "light")}
+            yield from compared_rows(condition, system, {**places, "seed": seed, "system": system})
 
 
 def draw(_: Settings, results: Results) -> dict[str, Figure]:
@@ -233,7 +224,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
     for driven in next(iter(results.values()))["driven"]:
         if driven["light"] == AS_TRAINED:
             outline = Outline.model_validate(driven["outline"])
-            shown = {name: (outline, _trials(driven, name)[0]) for name in DRAWN}
+            shown = {name: (outline, trials_of(driven, name)[0]) for name in DRAWN}
             pictures[_picture(driven)] = draw_trials(shown)
     return pictures
 
@@ -246,23 +237,22 @@ def _picture(driven: Result) -> str:
 def tell(settings: Settings, results: Results) -> list[Element]:
     """Tell what each system drives of what is possible."""
     drive = settings.drive
-    everything = _conditions(results)
-    home = [one for one in everything if one["trained"] == IN_PLACE]
-    plain = [one for one in home if one["light"] == AS_TRAINED]
-    lit = [one for one in home if one["light"] != AS_TRAINED]
-    away = [one for one in everything if one["trained"] == ELSEWHERE]
+    plain = _conditions(
+        results, lambda one: one["trained"] == IN_PLACE and one["light"] == AS_TRAINED
+    )
+    lit = _conditions(results, lambda one: one["light"] != AS_TRAINED)
+    away = _conditions(results, lambda one: one["trained"] == ELSEWHERE)
     blocks: list[Element] = [
         Text(
             f"{len(results)} training seeds, each another robot; {drive.random:,} random commands"
             f" of training, {settings.nodes} nodes; {settings.course.trials} trials of at most"
-            f" {settings.course.commands} commands from starts near each arena's own. A cell is"
-            " the share of the commands that were possible from the same starts, and the share of"
-            " trials that collided among those in which no collision was necessary."
+            f" {settings.course.commands} commands from starts near each arena's own."
+            f" {HOW_TO_READ}"
         ),
-        _table(settings, "Trained in place", plain, "arena", "look"),
-        *([_table(settings, "The same, driven under other light", lit, "light")] if lit else []),
-        _table(settings, "Trained on a mixture, driven where it never was", away, "arena"),
-        Text(_verdict(settings, plain, away)),
+        _table("Trained in place", plain, "arena", "look"),
+        *([_table("The same, driven under other light", lit, "light")] if lit else []),
+        *([_table("Trained on a mixture, driven where it never was", away, "arena")] * bool(away)),
+        Text(_verdict(plain, away)),
     ]
     first = next(iter(results.values()))["driven"]
     shown = [one for one in first if one["light"] == AS_TRAINED]
@@ -272,46 +262,38 @@ def tell(settings: Settings, results: Results) -> list[Element]:
     ]
 
 
-def _shares(settings: Settings, driven: Sequence[Result], system: str) -> Shares:
-    trials = [one for each in driven for one in _trials(each, system)]
-    return compare(trials, [one for each in driven for one in _possible(settings, each)])
-
-
-def _cell(shares: Shares) -> str:
-    share = "-" if shares.share is None else f"{100 * shares.share:.1f} %"
-    needless = f"{100 * shares.needless / shares.free:.0f} %" if shares.free else "-"
-    return f"{share}; {needless}"
-
-
-def _table(settings: Settings, title: str, driven: Sequence[Result], *by: str) -> Table:
-    groups: dict[tuple[str, ...], list[Result]] = {}
-    for one in driven:
-        groups.setdefault(tuple(one[name] for name in by), []).append(one)
-    lines = [(", ".join(key), group) for key, group in groups.items()]
+def _table(title: str, conditions: Conditions, *by: str) -> Table:
+    lines = list(_by_name(conditions, *by).items())
     if len(lines) > 1:
-        lines.append(("all", list(driven)))
-    cells = tuple(
-        (name, *(_cell(_shares(settings, group, system)) for system in SYSTEMS))
-        for name, group in lines
-    )
+        lines.append(("all", conditions))
+    cells = tuple((name, *(cell(group, system) for system in SYSTEMS)) for name, group in lines)
     return Table(title, (", ".join(by), *SYSTEMS), cells)
 
 
-def _verdict(settings: Settings, plain: Sequence[Result], away: Sequence[Result]) -> str:
+def _by_name(conditions: Conditions, *by: str) -> dict[str, Conditions]:
+    """Group conditions by some of what they are called."""
+    groups: dict[str, Conditions] = {}
+    for seed, one in conditions:
+        groups.setdefault(", ".join(one[name] for name in by), []).append((seed, one))
+    return groups
+
+
+def _verdict(plain: Conditions, away: Conditions) -> str:
     said = []
-    for trained, driven in ((IN_PLACE, plain), (ELSEWHERE, away)):
+    for trained, conditions in ((IN_PLACE, plain), (ELSEWHERE, away)):
+        if not conditions:
+            continue
         least, most = GOALS[trained]
+        groups = _by_name(conditions, "arena", "look")
         missed = []
-        names = dict.fromkeys((one["arena"], one["look"]) for one in driven)
-        for name in names:
-            here = [one for one in driven if (one["arena"], one["look"]) == name]
-            shares = _shares(settings, here, FORESIGHT)
-            needless = shares.needless / shares.free if shares.free else 0.0
-            if (shares.share is not None and shares.share < least) or needless > most:
-                missed.append(", ".join(name))
+        for name, group in groups.items():
+            shares, needless = shares_by_seed(group, FORESIGHT)
+            fails = shares and np.mean(shares) < least, needless and np.mean(needless) > most
+            if any(fails):
+                missed.append(name)
         goal = f"at least {100 * least:.0f} % and at most {100 * most:.0f} % needless collisions"
         held = (
-            f"holds in all {len(names)} arenas" if not missed else f"fails in {'; '.join(missed)}"
+            f"holds in all {len(groups)} arenas" if not missed else f"fails in {'; '.join(missed)}"
         )
         said.append(f"Trained {trained}, {FORESIGHT} is asked for {goal}, which {held}.")
     return " ".join(said)
@@ -327,4 +309,5 @@ ARENAS: Final = Experiment(
     most_seeds=10,
     quick=QUICK,
     rows=rows,
+    drives=drives,
 )

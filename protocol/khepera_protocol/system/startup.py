@@ -6,11 +6,7 @@ import sys
 from types import FrameType
 from typing import Final
 
-KEYS: Final = (signal.SIGINT, signal.SIGQUIT)
-"""Ctrl-C and Ctrl-\\."""
-
-SIGNALS: Final = (*KEYS, signal.SIGTERM, signal.SIGHUP)
-"""Signals that tell a program to end."""
+from khepera_protocol.system.signals import KEYS, SIGNALS
 
 INTERRUPTED: Final = 130
 """Exit status after Ctrl-C or Ctrl-\\."""

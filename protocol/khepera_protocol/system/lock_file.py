@@ -4,11 +4,13 @@ The lock goes with the process, however that ends. Its file has a content that n
 has: what is no lock is neither held nor taken away.
 """
 
-import fcntl
 import os
 import stat
 from contextlib import suppress
 from pathlib import Path
+
+from khepera_protocol.system.locking import lock_now
+from khepera_protocol.system.opening import AT_ONCE, BYTES, NO_LINK, UNSHARED
 
 
 class NotALockError(OSError):
@@ -30,11 +32,11 @@ def take_lock(path: Path, text: bytes) -> int:
         NotALockError: a file with another content, or no file, stands there.
         OSError: it cannot be opened.
     """
-    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    flags = os.O_RDWR | os.O_CREAT | NO_LINK | AT_ONCE | UNSHARED | BYTES
     while True:
         lock = os.open(path, flags, 0o644)
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_now(lock)
             # the holder before may have taken the file away between our opening and locking it
             if _leads_to(path, lock):
                 _mark(lock, text)

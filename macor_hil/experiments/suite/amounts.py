@@ -1,0 +1,201 @@
+"""Success against the number of situations, and against the number of training commands.
+
+Offline but for the trials: all systems learn from the recordings of the suite's arenas. Expected
+values, over Fuzzy ART's nodes and over graded prototypes, learn with fewer and with more situations
+than the paper's fifty; foresight, which has no situations, with fewer commands.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from macor_hil.experiments.drives.arena_files import Place
+from macor_hil.experiments.drives.course import Course, System
+from macor_hil.experiments.drives.systems import (
+    EXPECTED,
+    FORESIGHT,
+    GRADED,
+    Learning,
+    learn_foresight,
+    learn_situations,
+)
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
+from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.report.elements import Element, Picture, Table, Text
+from macor_hil.experiments.report.rows import Row
+from macor_hil.experiments.report.statistics import estimate, mean
+from macor_hil.experiments.results.store import Result, Results
+from macor_hil.experiments.suite.conditions import (
+    HOW_TO_READ,
+    cell,
+    compared_rows,
+    drive_all,
+    shares_by_seed,
+)
+
+
+@dataclass(frozen=True)
+class Settings(Learning):
+    """Arenas, and the amounts that are tried there."""
+
+    drive: Drive = field(default_factory=Drive)
+    """The training drive in each arena."""
+    homes: tuple[Place, ...] = (Place("corridor"), Place("maze"), Place("hairpin"))
+    """Arenas of training and of trials."""
+    situations: tuple[int, ...] = (20, 50, 100, 200)
+    """Numbers of situations that expected values are learned with, from the whole drive."""
+    commands: tuple[int, ...] = (250, 500, 1_000, 3_000, 13_000)
+    """Numbers of commands, from the drive's beginning on, that foresight learns from."""
+    course: Course = field(default_factory=Course)
+    """The trials of each system in each arena."""
+
+    @property
+    def arenas(self) -> tuple[str, ...]:
+        """Arenas that come as files; all others follow from code."""
+        return tuple(dict.fromkeys(p.arena for p in self.homes if isinstance(p.arena, str)))
+
+    @property
+    def amounts(self) -> tuple[tuple[str, int], ...]:
+        """Every system with its amount."""
+        by_situations = ((name, n) for name in (EXPECTED, GRADED) for n in self.situations)
+        return (*by_situations, *((FORESIGHT, n) for n in self.commands))
+
+
+UNIT: Final = {EXPECTED: "situations", GRADED: "situations", FORESIGHT: "training commands"}
+
+
+def drives(settings: Settings, arenas: Path) -> list[Drive]:
+    """Return the training drives of a seed."""
+    return [replace(settings.drive, arena=place.file(arenas)) for place in settings.homes]
+
+
+def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
+    """Learn with all amounts from the drives of a seed, and drive the trials."""
+    folder = recordings.folder.parent
+    driven: list[Result] = []
+    for place in settings.homes:
+        arena = place.file(folder.parent / "arenas")
+        recording = Recordings(folder, replace(settings.drive, arena=arena))[seed]
+        course = replace(settings.course, arena=arena)
+        systems = _systems(settings, recording, seed)
+        condition = drive_all(systems, course, seed, settings.drive.drift)
+        driven.append({"arena": place.name, "look": place.look} | condition)
+    return {"driven": driven}
+
+
+def _systems(settings: Settings, recording: Recording, seed: int) -> dict[str, System]:
+    systems: dict[str, System] = {}
+    for nodes in settings.situations:
+        rng = np.random.default_rng([seed, nodes])
+        learned = learn_situations(replace(settings, nodes=nodes), recording, rng)
+        systems |= {_name(name, nodes): system for name, system in learned.items()}
+    for commands in settings.commands:
+        learned_early = learn_foresight(settings, recording.first(commands))
+        systems[_name(FORESIGHT, commands)] = learned_early
+    return {_name(*amount): systems[_name(*amount)] for amount in settings.amounts}
+
+
+def _name(system: str, amount: int) -> str:
+    return f"{system}, {amount:,} {UNIT[system]}"
+
+
+def _by_arena(results: Results) -> dict[str, list[tuple[int, Result]]]:
+    groups: dict[str, list[tuple[int, Result]]] = {}
+    for seed, result in results.items():
+        for one in result["driven"]:
+            groups.setdefault(f"{one['arena']}, {one['look']}", []).append((seed, one))
+    return groups
+
+
+def rows(settings: Settings, results: Results) -> Iterator[Row]:
+    """Yield one row for each trial."""
+    for seed, result in results.items():
+        for one in result["driven"]:
+            where = {"arena": one["arena"], "look": one["look"], "seed": seed}
+            for system, amount in settings.amounts:
+                what: Row = {"system": system, "unit": UNIT[system], "amount": amount}
+                yield from compared_rows(one, _name(system, amount), {**where, **what})
+
+
+def draw(settings: Settings, results: Results) -> dict[str, Figure]:
+    """Draw the share of what was possible against the amounts, one panel for each arena."""
+    groups = _by_arena(results)
+    figure = Figure(figsize=(4.0 * len(groups), 6.6), layout="constrained")
+    axes = figure.subplots(2, len(groups), squeeze=False, sharey=True)
+    for column, (name, conditions) in enumerate(groups.items()):
+        for row, shown in enumerate(((EXPECTED, GRADED), (FORESIGHT,))):
+            panel = axes[row][column]
+            for system in shown:
+                amounts = [amount for each, amount in settings.amounts if each == system]
+                found = [
+                    estimate(shares_by_seed(conditions, _name(system, amount))[0], mean)
+                    for amount in amounts
+                ]
+                values = np.array([[each.value, each.low, each.high] for each in found])
+                panel.plot(amounts, 100 * values[:, 0], marker="o", label=system)
+                panel.fill_between(amounts, 100 * values[:, 1], 100 * values[:, 2], alpha=0.2)
+            panel.set(xscale="log", xlabel=UNIT[shown[0]], ylim=(0.0, 104.0))
+            panel.set_xticks(amounts, [f"{amount:,}" for amount in amounts])
+            panel.minorticks_off()
+            panel.legend(fontsize=8, loc="lower right")
+        axes[0][column].set_title(name, fontsize=10)
+    for left in axes[:, 0]:
+        left.set_ylabel("% of what was possible")
+    return {"shares": figure}
+
+
+def tell(settings: Settings, results: Results) -> list[Element]:
+    """Tell what each amount gives."""
+    return [
+        Text(
+            f"{len(results)} training seeds, each another robot; {settings.drive.random:,} random"
+            f" commands of training, trained and driven in the same arena;"
+            f" {settings.course.trials} trials of at most {settings.course.commands} commands."
+            f" {HOW_TO_READ}"
+        ),
+        _table(
+            f"Number of situations, after {settings.drive.random:,} commands",
+            settings,
+            results,
+            (EXPECTED, GRADED),
+        ),
+        _table("Number of training commands, without situations", settings, results, (FORESIGHT,)),
+        Picture("shares", "Mean over seeds; shaded: 95 % interval."),
+    ]
+
+
+def _table(title: str, settings: Settings, results: Results, systems: tuple[str, ...]) -> Table:
+    groups = _by_arena(results)
+    lines = tuple(
+        (name, *(cell(conditions, name) for conditions in groups.values()))
+        for system, amount in settings.amounts
+        if system in systems
+        for name in [_name(system, amount)]
+    )
+    return Table(title, ("system", *groups), lines)
+
+
+QUICK: Final = Settings(
+    drive=QUICK_DRIVE,
+    homes=(Place("corridor"), Place("maze")),
+    situations=(20, 50, 100),
+    commands=(250, 1_500),
+    course=Course(trials=3),
+)
+
+AMOUNTS: Final = Experiment(
+    "amounts",
+    "Success against the number of situations and of training commands",
+    Settings(),
+    trial,
+    draw,
+    tell,
+    most_seeds=10,
+    quick=QUICK,
+    rows=rows,
+    drives=drives,
+)

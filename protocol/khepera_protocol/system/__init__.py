@@ -1,0 +1,1 @@
+"""The operating system: signals, locks, waiting, and what differs from one to another."""
