@@ -61,8 +61,8 @@ def matches(views: Views, drives: Indices) -> Links:
     guess = np.zeros((len(begin), 3))
     guess[:, 2] = turns(spectra[begin], spectra[end], views.profiles.shape[1])
     before, after = views.take(begin), views.take(end)
-    motion, normal = fitted(before.profiles, after.profiles, guess)
-    known = (agreement(before.profiles, after.profiles, motion) > _AGREE) & (
+    motion, normal = fitted(before.profiles, after.profiles, guess, noise=views.noise)
+    known = (agreement(before.profiles, after.profiles, motion, views.noise) > _AGREE) & (
         colours_apart(before, after, motion) < _COLOURS
     )
     good = np.flatnonzero(known & (np.hypot(motion[:, 0], motion[:, 1]) < _APART))
