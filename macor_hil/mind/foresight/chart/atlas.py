@@ -1,6 +1,6 @@
 """Everything that planners on a chart read: it depends on no goal, and serves all of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -8,12 +8,16 @@ import numpy as np
 from macor_hil.arrays import Array, Indices, Mask
 from macor_hil.mind.foresight.chart.chart import Chart, charted
 from macor_hil.mind.foresight.chart.ground import Ground, ground_of
+from macor_hil.mind.foresight.chart.matching import noise_of
 from macor_hil.mind.foresight.chart.views import Views
 from macor_hil.mind.foresight.chart.whereabouts import Whereabouts
 from macor_hil.mind.foresight.skill import Skill, learned_skill
 
 _SKILL: Final = 3_000
 """Last views that the skill is learned from."""
+
+_NOISE: Final = 1_000
+"""Driven commands that noise is measured by."""
 
 _LEAST: Final = 50
 """Views that a chart needs."""
@@ -53,8 +57,15 @@ def atlas_of(
     if skill is None or np.count_nonzero(~collided) < _LEAST:
         return None
     views = Views.of(profiles, sights)
+    views = replace(views, noise=_noise(views, commands, collided, skill))
     chart = charted(views, commands, collided, skill.motions)
     if len(chart.matched) < _LEAST:
         return None
     ground = ground_of(chart.poses[chart.matched], views.profiles[chart.matched])
     return Atlas(skill, chart, ground, Whereabouts(chart, views))
+
+
+def _noise(views: Views, commands: Indices, collided: Mask, skill: Skill) -> float:
+    through = 1 + np.flatnonzero((commands[1:] >= 0) & ~collided[1:])[:_NOISE]
+    before, after = views.profiles[through - 1], views.profiles[through]
+    return noise_of(before, after, skill.motions[commands[through]])

@@ -8,16 +8,28 @@ from macor_hil.arrays import Array, Indices
 from macor_hil.mind.foresight.chart.matching import agreement, colours_apart, fitted, inverse
 from macor_hil.mind.foresight.chart.views import Floats, Views, signatures, turns
 
-ALIKE: Final = 7
-"""Views that each one is compared with."""
 
-_AGREE: Final = 0.94
-_COLOURS: Final = 0.09
-"""Least agreement of profiles, and greatest difference of colours, of the same place: among 15,000
-pairs in a maze none of another place was within both."""
+class _Test(NamedTuple):
+    """A test of whether two views show the same place.
 
-_APART: Final = 0.6
-"""Heights: from farther away too much is hidden from one of both."""
+    Attributes:
+        alike: views that each one is compared with.
+        agree: least agreement of profiles.
+        colours: greatest difference of colours.
+        apart: heights between them; from farther away too much is hidden from one of both.
+    """
+
+    alike: int
+    agree: float
+    colours: float
+    apart: float
+
+
+_CLEAR: Final = _Test(alike=7, agree=0.94, colours=0.09, apart=0.6)
+"""For exact profiles: among 15,000 pairs in a maze none of another place was within both."""
+
+_NOISY: Final = _Test(alike=12, agree=0.97, colours=0.035, apart=0.35)
+"""For others, which agree more easily."""
 
 _MATCHED: Final = 0.09
 """Error of the inverse distances of a match; those of neighbouring directions are much alike."""
@@ -57,15 +69,16 @@ def matches(views: Views, drives: Indices) -> Links:
         drives: number of the drive of each view, shape (N,).
     """
     spectra = views.spectra()
-    begin, end = _alike(signatures(spectra), drives)
+    test = _CLEAR if views.noise <= 1.0 else _NOISY
+    begin, end = _alike(signatures(spectra), drives, test.alike)
     guess = np.zeros((len(begin), 3))
     guess[:, 2] = turns(spectra[begin], spectra[end], views.profiles.shape[1])
     before, after = views.take(begin), views.take(end)
-    motion, normal = fitted(before.profiles, after.profiles, guess)
-    known = (agreement(before.profiles, after.profiles, motion) > _AGREE) & (
-        colours_apart(before, after, motion) < _COLOURS
+    motion, normal = fitted(before.profiles, after.profiles, guess, noise=views.noise)
+    known = (agreement(before.profiles, after.profiles, motion, views.noise) > test.agree) & (
+        colours_apart(before, after, motion) < test.colours
     )
-    good = np.flatnonzero(known & (np.hypot(motion[:, 0], motion[:, 1]) < _APART))
+    good = np.flatnonzero(known & (np.hypot(motion[:, 0], motion[:, 1]) < test.apart))
     weight = normal[good, :2, :2] / _MATCHED**2
     return Links(begin[good], end[good], motion[good], weight)
 
@@ -117,9 +130,9 @@ def nearest(signature: Floats, known: Floats, count: int, far: Indices | None = 
     return found
 
 
-def _alike(signature: Floats, drives: Indices) -> tuple[Indices, Indices]:
+def _alike(signature: Floats, drives: Indices, most: int) -> tuple[Indices, Indices]:
     """Return pairs of views of different drives that look alike."""
-    count = min(ALIKE, len(signature) - 1)
+    count = min(most, len(signature) - 1)
     if count < 1:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     found = [

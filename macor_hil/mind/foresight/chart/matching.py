@@ -25,6 +25,10 @@ _PRIOR: Final = 1e-2
 _TOLERANCE: Final = (0.006, 0.011)
 """Inverse distance by which views of the same place differ, at no and at unit distance."""
 
+_NOISES: Final = (1.0, 1.5, 2.0, 3.0, 4.0)
+_SAME: Final = 0.97
+"""Agreement of views before and after a driven command."""
+
 _HIDDEN: Final = 5 / 6
 """Part of the sectors whose colours can be compared, the others may show something else."""
 
@@ -36,7 +40,9 @@ def inverse(motions: Array) -> Array:
     return np.stack([-(c * x + s * y), s * x - c * y, -turn], axis=-1)
 
 
-def fitted(before: Floats, after: Floats, guess: Array, rounds: int = 4) -> tuple[Array, Array]:
+def fitted(
+    before: Floats, after: Floats, guess: Array, rounds: int = 4, noise: float = 1.0
+) -> tuple[Array, Array]:
     """Return the motions that explain what was seen, by Gauss and Newton.
 
     Args:
@@ -44,6 +50,7 @@ def fitted(before: Floats, after: Floats, guess: Array, rounds: int = 4) -> tupl
         after: profiles, the same shape.
         guess: motions from which it begins, shape (N, 3).
         rounds: of the fit.
+        noise: see `Views`.
 
     Returns:
         Motions, shape (N, 3), and how well they are known: the normal matrices, shape (N, 3, 3).
@@ -59,7 +66,7 @@ def fitted(before: Floats, after: Floats, guess: Array, rounds: int = 4) -> tupl
             good &= known
         slope = np.where(good[..., None], np.stack(slopes, axis=-1), 0.0)
         off = np.where(good, off, 0.0)
-        weighted = slope * (good / (1.0 + (off / _ODD) ** 2) ** 2)[..., None]
+        weighted = slope * (good / (1.0 + (off / (noise * _ODD)) ** 2) ** 2)[..., None]
         across = np.swapaxes(weighted, 1, 2)
         normal = (across @ slope).astype(np.float64)
         wanted = across @ off[..., None]
@@ -69,11 +76,25 @@ def fitted(before: Floats, after: Floats, guess: Array, rounds: int = 4) -> tupl
     return motion.astype(np.float64), normal
 
 
-def agreement(before: Floats, after: Floats, motions: Array) -> Array:
+def agreement(before: Floats, after: Floats, motions: Array, noise: float = 1.0) -> Array:
     """Return the share of the directions that show what a motion makes expect, shape (N,)."""
-    there = _share(before, after, motions)
-    back = _share(after, before, inverse(motions))
+    there = _share(before, after, motions, noise)
+    back = _share(after, before, inverse(motions), noise)
     return np.minimum(there, back)
+
+
+def noise_of(before: Floats, after: Floats, motions: Array) -> float:
+    """Return the least noise at which views agree that known motions lead from one to the other.
+
+    Args:
+        before: profiles, shape (N, directions).
+        after: profiles, the same shape.
+        motions: between them, shape (N, 3).
+    """
+    for noise in _NOISES:
+        if np.median(agreement(before, after, motions, noise)) >= _SAME:
+            return noise
+    return _NOISES[-1]
 
 
 def colours_apart(before: Views, after: Views, motions: Array) -> Array:
@@ -103,12 +124,12 @@ def _mismatch(before: Floats, after: Floats, motion: Floats) -> tuple[Floats, Ma
     return seen - expected, told & (seen < _NEAR[1])
 
 
-def _share(before: Floats, after: Floats, motions: Array) -> Array:
+def _share(before: Floats, after: Floats, motions: Array, noise: float) -> Array:
     view, column, _, expected, _ = _expected(before, motions.astype(np.float32), 1)
     columns = before.shape[1]
     one, other = after[view, column % columns], after[view, (column + 1) % columns]
     told = (before < _NEAR[1]) & (expected < _NEAR[1])
-    tolerance = _TOLERANCE[0] + _TOLERANCE[1] * expected
+    tolerance = noise * (_TOLERANCE[0] + _TOLERANCE[1] * expected)
     low, high = np.minimum(one, other) - tolerance, np.maximum(one, other) + tolerance
     right = told & (expected > low) & (expected < high)
     share: Array = right.sum(axis=1) / np.maximum(told.sum(axis=1), before.shape[1] / 3)

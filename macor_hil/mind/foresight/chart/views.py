@@ -34,10 +34,12 @@ class Views:
     Attributes:
         profiles: inverse distance of the floor's end, shape (N, directions).
         colours: of what stands there, from 0 to 1, without its brightness, shape (N, 24, 3).
+        noise: of the profiles, over that of eyes that see the floor's end to a millimetre.
     """
 
     profiles: Floats
     colours: Floats
+    noise: float = 1.0
 
     @classmethod
     def of(cls, profiles: Array, sights: Array) -> Self:
@@ -47,7 +49,7 @@ class Views:
 
     def take(self, numbers: Indices) -> "Views":
         """Return some of them."""
-        return Views(self.profiles[numbers], self.colours[numbers])
+        return Views(self.profiles[numbers], self.colours[numbers], self.noise)
 
     def spectra(self) -> Spectra:
         """Return the Fourier transforms of what is seen around, shape (N, 4, frequencies)."""

@@ -77,8 +77,8 @@ class Whereabouts:
     def _matched(self, seen: Views, places: Indices, guess: Array) -> Array | None:
         """Return the pose by the best match with one of some places."""
         known, ours = self._views.take(places), seen.take(np.zeros(len(places), np.int64))
-        motion, _ = fitted(known.profiles, ours.profiles, guess)
-        agree = agreement(known.profiles, ours.profiles, motion)
+        motion, _ = fitted(known.profiles, ours.profiles, guess, noise=known.noise)
+        agree = agreement(known.profiles, ours.profiles, motion, known.noise)
         apart = colours_apart(known, ours, motion)
         fits = np.where((agree > _AGREE) & (apart < _COLOURS), agree - apart, -np.inf)
         best = int(np.argmax(fits))
