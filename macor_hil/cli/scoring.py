@@ -236,7 +236,7 @@ def _how_to_go_on(out: Path) -> str:
 
 
 class _Count(MofNCompleteColumn):
-    """How much is done of how much; nothing where that is not known."""
+    """Column of done and total; empty where the total is not known."""
 
     def render(self, task: Task) -> Text:
         """Return the text of a task."""
