@@ -244,7 +244,7 @@ def _how_to_go_on(out: Path) -> str:
 
 
 class _Count(MofNCompleteColumn):
-    """Parts that are done, of all; nothing where that is not known."""
+    """Column of done and total; empty where the total is not known."""
 
     def render(self, task: Task) -> Text:
         """Return the text of a task."""

@@ -141,7 +141,7 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
             panel.set(xscale="log", xlabel=UNIT[shown[0]], ylim=(0.0, 104.0))
             panel.set_xticks(amounts, [f"{amount:,}" for amount in amounts])
             panel.minorticks_off()
-            panel.legend(fontsize=8, loc="lower right")
+            panel.legend(fontsize=8, loc="best")
         axes[0][column].set_title(name, fontsize=10)
     for left in axes[:, 0]:
         left.set_ylabel("% of what was possible")
