@@ -19,7 +19,7 @@ TINY = replace(
     DESTINATIONS,
     settings=Settings(
         nodes=8,
-        drive=Drive("open-box", tuning=15, random=500, brain=MindSettings(nodes=8)),
+        drive=Drive("open-box", tuning=15, random=1_500, brain=MindSettings(nodes=8)),
         targets=(BOX,),
         starts=2,
         compared=1,
@@ -42,7 +42,7 @@ def test_every_trial_has_a_row_and_the_goal_is_reached(report: Path) -> None:
     for row in own:
         assert (row["reached"], row["collided"]) == ("1", "0")
         assert int(row["shortest"]) <= int(row["way"]) + 1
-        # 500 commands know little of a square metre
+        # so few commands know little of a square metre
         assert int(row["way"]) <= 2 * int(row["shortest"]) + 10
     others = {(row["system"], row["relearned"]) for row in rows if row["system"] != "goal"}
     assert others == {

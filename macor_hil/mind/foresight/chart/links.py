@@ -69,7 +69,7 @@ def matches(views: Views, drives: Indices) -> Links:
         drives: number of the drive of each view, shape (N,).
     """
     spectra = views.spectra()
-    test = _CLEAR if views.noise <= 1.0 else _NOISY
+    test = _CLEAR if views.noise < 2.0 else _NOISY
     begin, end = _alike(signatures(spectra), drives, test.alike)
     guess = np.zeros((len(begin), 3))
     guess[:, 2] = turns(spectra[begin], spectra[end], views.profiles.shape[1])

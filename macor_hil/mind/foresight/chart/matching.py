@@ -26,7 +26,7 @@ _TOLERANCE: Final = (0.006, 0.011)
 """Inverse distance by which views of the same place differ, at no and at unit distance."""
 
 _NOISES: Final = (1.0, 1.5, 2.0, 3.0, 4.0)
-_SAME: Final = 0.97
+_SAME: Final = 0.95
 """Agreement of views before and after a driven command."""
 
 _HIDDEN: Final = 5 / 6
