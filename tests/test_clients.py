@@ -1,6 +1,8 @@
 """The programs of docs/testing.md in C, Java and Python, and the test that the page writes."""
 
+import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,8 +15,10 @@ NEEDS = {"c": "gcc", "java": "java", "python": "python"}
 
 
 @pytest.fixture
-def folder(pytester: pytest.Pytester) -> Path:
-    """A folder with the files of the page."""
+def folder(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the files of the page, for a Python that has pySerial."""
+    path = os.environ.get("PATH", "")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{path}")
     for block in blocks(ROOT / "docs" / "testing.md"):
         if block.file:
             (pytester.path / block.file).write_text(block.text, "utf-8")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from made_once import made_once
 from typer.testing import CliRunner, Result
 
 from macor_hil.cli import program
@@ -62,9 +63,13 @@ def refused(*arguments: str) -> str:
 @pytest.fixture(scope="module", params=CLUSTERERS.builtin)
 def clustered(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map of a very short training with each clusterer, and what all planners read."""
-    path = tmp_path_factory.mktemp("maps") / f"{request.param}.npz"
     planners = [part for name in PLANNERS.builtin for part in ("--planner", name)]
-    done("train", *SHORT, "--map", str(path), "--clusterer", request.param, *planners)
+
+    def train(folder: Path) -> None:
+        path = str(folder / "map.npz")
+        done("train", *SHORT, "--map", path, "--clusterer", request.param, *planners)
+
+    path = made_once(tmp_path_factory, f"map-of-{request.param}", train) / "map.npz"
     assert load_map(path)[0].settings.clusterer == Part(request.param)  # type: ignore[union-attr]
     return path
 
@@ -79,7 +84,8 @@ def test_every_planner_drives_live_by_a_map_of_every_clusterer(
 
 def test_all_planners_are_scored_on_a_map_of_every_clusterer(clustered: Path) -> None:
     table = done("trials", "--map", str(clustered), "--port", FREE, "--trials", "1")
-    for planner in PLANNERS.builtin:
+    scored = set(PLANNERS.builtin) - {"goal"}  # it drives to where a trial is over
+    for planner in scored:
         assert f"\n {planner} " in table
 
 

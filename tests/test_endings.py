@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from drives import MACOR_HIL, STATUSES, WAYS_OUT, Drive
 from emulator_process import PATIENCE, emulator, free_endpoint
+from made_once import made_once
 from rig import Closing
 from short_training import train_shortly
 
@@ -41,7 +42,10 @@ def macor_hil(*arguments: str, folder: Path, **options: Any) -> subprocess.Compl
 
 @pytest.fixture(scope="module")
 def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return train_shortly(tmp_path_factory.mktemp("maps") / "short.npz")
+    def train(folder: Path) -> None:
+        train_shortly(folder / "short.npz")
+
+    return made_once(tmp_path_factory, "map-of-a-box", train) / "short.npz"
 
 
 LONG = {

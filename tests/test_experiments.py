@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 from as_type import as_type
+from made_once import made_once
 from planning import square
 
 from macor_hil.cli import scoring
@@ -73,7 +74,10 @@ def untold(experiment: Experiment) -> Experiment:
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
-    return Recordings(tmp_path_factory.mktemp("recordings"), DRIVE)
+    folder = made_once(
+        tmp_path_factory, "recordings", lambda folder: Recordings(folder, DRIVE).make(1)
+    )
+    return Recordings(folder, DRIVE)
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +88,10 @@ def recording(recordings: Recordings) -> Recording:
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Table 1 and figure 5 of three seeds."""
-    out = tmp_path_factory.mktemp("out")
-    reproduce([tiny(TABLE1), tiny(FIGURE5)], 3, 1, out, silent)
-    return out
+    experiments = [tiny(TABLE1), tiny(FIGURE5)]
+    return made_once(
+        tmp_path_factory, "table1", lambda out: reproduce(experiments, 3, 1, out, silent)
+    )
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from as_type import as_type
+from made_once import made_once
 
 from khepera_emulator.arenas.arena import load_arena
 from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
@@ -40,8 +41,10 @@ TINY = replace(
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("suite")
-    return reproduce([TINY], 1, 1, out, lambda *_: None)
+    out = made_once(
+        tmp_path_factory, "arenas", lambda out: reproduce([TINY], 1, 1, out, lambda *_: None)
+    )
+    return out / "report" / "index.html"
 
 
 def test_every_trial_has_a_row(report: Path) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from made_once import made_once
 
 from macor_hil.experiments import catalogue
 from macor_hil.experiments.destinations import DESTINATIONS, MAZE, Settings, Target
@@ -30,8 +31,10 @@ TINY = replace(
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("destinations")
-    return reproduce([TINY], 1, 1, out, lambda *_: None)
+    out = made_once(
+        tmp_path_factory, "destinations", lambda out: reproduce([TINY], 1, 1, out, lambda *_: None)
+    )
+    return out / "report" / "index.html"
 
 
 def test_every_trial_has_a_row_and_the_goal_is_reached(report: Path) -> None:

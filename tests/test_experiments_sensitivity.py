@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from as_type import as_type
+from made_once import made_once
 
 from khepera_emulator.arenas.arena import load_arena
 from macor_hil.experiments.drives.corridors import Corridor
@@ -41,8 +42,11 @@ TINY = Settings(
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("map")
-    return reproduce([replace(SENSITIVITY, settings=TINY)], 2, 1, out, lambda *_: None).parent
+    tiny = replace(SENSITIVITY, settings=TINY)
+    out = made_once(
+        tmp_path_factory, "sensitivity", lambda out: reproduce([tiny], 2, 1, out, lambda *_: None)
+    )
+    return out / "report"
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ import pytest
 from as_type import as_type, not_none
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Pose
+from made_once import made_once
 from planning import moment
 from short_training import train_shortly
 
@@ -59,7 +60,10 @@ Colour = tuple[int, int, int]
 
 @pytest.fixture(scope="module")
 def maze_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return train_shortly(tmp_path_factory.mktemp("maps") / "maze.npz", MAZE, random=500)
+    def train(folder: Path) -> None:
+        train_shortly(folder / "maze.npz", MAZE, random=500)
+
+    return made_once(tmp_path_factory, "map-of-the-maze", train) / "maze.npz"
 
 
 def foresight_of(map_file: Path) -> ForesightMemory:

@@ -19,7 +19,7 @@ from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.memories.graded import GradedMap, GradedMemory
 from macor_hil.mind.memories.prototypes import Prototypes, memberships, placed
 from macor_hil.mind.planners.graded import Graded
-from macor_hil.mind.settings import MindSettings
+from macor_hil.mind.settings import MindSettings, Part
 
 
 def at(*shares: float) -> np.ndarray:
@@ -91,9 +91,12 @@ def test_few_inputs_make_equal_prototypes() -> None:
     assert {tuple(row.round(5)) for row in prototypes.centres} == {(0.1, 0.9), (0.8, 0.2)}
 
 
+SMALL = MindSettings(nodes=6, eyes=Part("receptive-fields"))
+
+
 def test_what_a_brain_experiences_it_knows_for_the_mirror_image_too() -> None:
     rng = np.random.default_rng(2)
-    brain = build_brain(MindSettings(nodes=6))
+    brain = build_brain(SMALL)
     seen = rng.uniform(size=(40, brain.eyes.size))
     brain.tune(seen, rng)
     left, right = COMMANDS.index(LEFT), COMMANDS.index(RIGHT)
@@ -107,7 +110,7 @@ def test_what_a_brain_experiences_it_knows_for_the_mirror_image_too() -> None:
                 brain.learn(Experience(before, command, after, r, collided))
         return as_type(GradedMemory, brain.memories["graded"]).counts
 
-    turned = build_brain(MindSettings(nodes=6))
+    turned = build_brain(SMALL)
     turned.eyes.load(brain.eyes.state())
     as_type(GradedMemory, turned.memories["graded"]).situations = as_type(
         GradedMemory, brain.memories["graded"]

@@ -18,6 +18,7 @@ from as_type import as_type, not_none
 from controller_helpers import Samples
 from drives import STATUSES, WAYS_OUT, Drive, programs
 from emulator_process import PATIENCE
+from made_once import made_once
 from rig import RELAYED, Controller, Rig, rig
 from short_training import train_shortly
 
@@ -33,8 +34,10 @@ LIMIT = 0.5
 
 @pytest.fixture(scope="module")
 def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("maps") / "short.npz"
-    return train_shortly(path)
+    def train(folder: Path) -> None:
+        train_shortly(folder / "short.npz")
+
+    return made_once(tmp_path_factory, "map-of-a-box", train) / "short.npz"
 
 
 @pytest.fixture(scope="module")

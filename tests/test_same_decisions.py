@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from emulator_process import emulator, free_endpoint
 from khepera_protocol.zenoh.controller_payloads import Decision
+from made_once import made_once
 from short_training import train_shortly
 
 from macor_hil.runs.live_run import serve
@@ -20,8 +21,10 @@ ABOUT_THE_SAME = 2
 
 @pytest.fixture(scope="module")
 def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("maps") / "short.npz"
-    return train_shortly(path, PORT, tuning=20, random=200)
+    def train(folder: Path) -> None:
+        train_shortly(folder / "short.npz", PORT, tuning=20, random=200)
+
+    return made_once(tmp_path_factory, "map-of-decisions", train) / "short.npz"
 
 
 def drive(port: str, map_file: Path, connect: tuple[str, ...] = ()) -> list[Decision]:

@@ -20,6 +20,7 @@ from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watc
 from emulator_process import EmulatorProcess, emulator
 from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
 from khepera_protocol.zenoh.payloads import Pose, Truth
+from made_once import made_once
 from short_training import train_shortly
 
 import macor_hil.hardware.devices
@@ -55,8 +56,11 @@ SETTLING = 0.1
 @pytest.fixture(scope="module")
 def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map of a very short training: it knows a few situations around the start."""
-    path = tmp_path_factory.mktemp("maps") / "short.npz"
-    return train_shortly(path, PORT, random=80)
+
+    def train(folder: Path) -> None:
+        train_shortly(folder / "short.npz", PORT, random=80)
+
+    return made_once(tmp_path_factory, "map-of-service", train) / "short.npz"
 
 
 @pytest.fixture

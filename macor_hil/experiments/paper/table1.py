@@ -289,11 +289,10 @@ _DIFFERENCES: Final = (
 
 
 def rows(settings: Settings, results: Results) -> Iterator[Row]:
-    """Yield one row for each trial."""
-    kinds = ((results, settings.reinforcement), (under_variant(results), settings.variant))
-    for these, earns in kinds:
-        for row in criteria.rows(settings, these):
-            yield {**row, "collision_earns": earns.collision}
+    """Yield one row for each trial; systems of the variant have a name of their own."""
+    yield from criteria.rows(settings, results)
+    for row in criteria.rows(settings, under_variant(results)):
+        yield {**row, "system": f"{row['system']}, {_earns(settings.variant)}"}
 
 
 QUICK: Final = Settings(drive=QUICK_DRIVE, course=Course(trials=3))
