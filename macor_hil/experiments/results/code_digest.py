@@ -63,7 +63,8 @@ def code_of(function: Callable[..., Any], uses: Iterable[str] = ()) -> dict[str,
     body = _reached(_statements(_text(own)), function.__name__)
     found = {own: _dump(body)}
     around = own.rpartition(".")[0]
-    todo = [*_imported(own, body), *_with_parents(_BY_SCHEME), *_with_parents(around)]
+    named = (*_names(own, body), _BY_SCHEME, around)
+    todo = [each for name in named for each in _with_parents(name)]
     for place in uses:
         module = place.rpartition(":")[0]
         if module.partition(".")[0] in _PACKAGES:
@@ -75,7 +76,7 @@ def code_of(function: Callable[..., Any], uses: Iterable[str] = ()) -> dict[str,
         if module not in found:
             text = _text(module)
             found[module] = bare_code(text)
-            todo += _imported(module, _statements(text))
+            todo += [each for name in _named(module, text) for each in _with_parents(name)]
     return found
 
 
@@ -128,8 +129,13 @@ def _text(module: str) -> str:
     return path.read_text(encoding="utf-8")
 
 
-def _imported(module: str, body: Body) -> Iterator[str]:
-    """Return the modules of this project that statements of a module import, and their parents.
+@cache
+def _named(module: str, text: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(_names(module, _statements(text))))
+
+
+def _names(module: str, body: Body) -> Iterator[str]:
+    """Return the names in this project's packages that statements of a module import.
 
     A string that names a module, or `module:something`, is taken for an import, too: that is how
     tables of what is loaded later are written.
@@ -139,14 +145,15 @@ def _imported(module: str, body: Body) -> Iterator[str]:
         for node in ast.walk(statement):
             match node:
                 case ast.Import(names=names):
-                    for name in names:
-                        yield from _with_parents(name.name)
+                    found = [name.name for name in names]
                 case ast.ImportFrom(module=source, names=names, level=level):
                     source = resolve_name("." * level + (source or ""), package)
-                    for name in names:
-                        yield from _with_parents(f"{source}.{name.name}")
+                    found = [f"{source}.{name.name}" for name in names]
                 case ast.Constant(value=str(text)) if module not in _DOORS:
-                    yield from _with_parents(text.partition(":")[0])
+                    found = [text.partition(":")[0]]
+                case _:
+                    continue
+            yield from (name for name in found if name.partition(".")[0] in _PACKAGES)
 
 
 def _with_parents(name: str) -> Iterator[str]:
