@@ -1,6 +1,7 @@
 # Everything happens in a virtual environment of the project's own; both main goals set it up.
 #   make run    an emulated robot learns and drives the curve
 #   make test   style, types and tests
+#   make test-long  whole sweeps of experiments, installations (minutes)
 #   make bench  speed, as ratios (ten minutes)
 #   make hostile  bad inputs at every edge, forty times as many as in make test (minutes)
 #   make soak   long use of the serial line (ten minutes)
@@ -28,15 +29,18 @@ RELEASE_READY := $(RELEASE_VENV)/ready
 VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 SITE ?= build/site
 
-.PHONY: run test lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist workflows lock clean
+.PHONY: run test test-long lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist workflows lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
 	$(BIN)/macor-hil demo
 
 test: lint
-	$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock"
+	$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock and not long"
 	$(BIN)/python -m pytest -n 3 -m wall_clock
+
+test-long: $(READY)
+	$(BIN)/python -m pytest -n 4 --dist worksteal -m long
 
 hostile: $(READY)
 	HOSTILE_LONG=1 $(BIN)/python -m pytest -n 4 --dist worksteal tests/hostile

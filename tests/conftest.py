@@ -11,8 +11,10 @@ settings.register_profile("patient", deadline=None, suppress_health_check=[Healt
 settings.load_profile("patient")
 
 
-# who is started in the background by a shell ignores Ctrl-C, and so would all programs under test
+# who is started in the background by a shell ignores Ctrl-C and Ctrl-\, and so would all programs
+# under test
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGQUIT, signal.SIG_DFL)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -12,6 +12,8 @@ from macor_hil.experiments.paper.table1 import TABLE1
 from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.settings import MindSettings
 
+pytestmark = pytest.mark.long
+
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 
 DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))

@@ -188,6 +188,7 @@ def in_many_sessions(drive: Drive, seed: int) -> Schedule:
     return Schedule(drive.tuning, drive.random, drive.reactive, session=8, seed=seed)
 
 
+@pytest.mark.long
 def test_drives_with_a_common_beginning_are_those_driven_in_one_go(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,6 +25,8 @@ from macor_hil.mind.memories.graded import GradedMemory
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.settings import MindSettings
 
+pytestmark = pytest.mark.long
+
 TINY = replace(
     ARENAS,
     settings=Settings(

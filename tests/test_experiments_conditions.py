@@ -47,6 +47,8 @@ from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.trials import Trial
 
+pytestmark = pytest.mark.long
+
 DRIVE = Drive(tuning=10, random=60, brain=MindSettings(nodes=8))
 PATH = PathDrive(tuning=10, random=60, brain=MindSettings(nodes=8))
 STRAIGHT, TURN = Reinforcement().straight, Reinforcement().turn

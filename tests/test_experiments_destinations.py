@@ -14,6 +14,8 @@ from macor_hil.experiments.sweep import changes
 from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.settings import MindSettings
 
+pytestmark = pytest.mark.long
+
 BOX = Target("open-box", "red", (0.85, 0.2, 0.2), 0.12)
 
 TINY = replace(

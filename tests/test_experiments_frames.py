@@ -26,6 +26,8 @@ from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.clusterers.neural_gas import Breadth
 from macor_hil.mind.settings import MindSettings
 
+pytestmark = pytest.mark.long
+
 DRIVE = Drive(tuning=10, random=24, brain=MindSettings(nodes=8))
 COURSE = Course(trials=2, commands=2)
 EXAMPLE = Path(__file__).parent.parent / "examples" / "analyse_results.py"

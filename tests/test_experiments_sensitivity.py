@@ -26,6 +26,8 @@ from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.memories.transitions import Competence, SensorimotorMap, Transitions
 from macor_hil.mind.settings import MindSettings
 
+pytestmark = pytest.mark.long
+
 BASE = Point(nodes=8, commands=30)
 DRIVE = Drive(tuning=10, random=24, reactive=6, brain=MindSettings(nodes=8))
 TINY = Settings(

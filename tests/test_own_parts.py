@@ -61,6 +61,7 @@ def test_a_brain_of_foreign_parts_is_kept_in_a_map(tmp_path: Path) -> None:
     assert again.eyes.size == 20
 
 
+@pytest.mark.long
 def test_the_command_line_lists_them_and_drives_by_them(installed: Path, tmp_path: Path) -> None:
     def call(*arguments: str) -> str:
         program = [sys.executable, "-m", "macor_hil.cli", *arguments]

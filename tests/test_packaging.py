@@ -107,6 +107,7 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
     assert files <= set(zipfile.ZipFile(wheel).namelist())
 
 
+@pytest.mark.long
 def test_the_tests_of_the_source_distribution_run(tmp_path: Path) -> None:
     source = tmp_path / "source"
     shutil.copytree(ROOT, source, ignore=NOT_THE_PROJECT)

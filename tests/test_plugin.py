@@ -114,6 +114,7 @@ def test_a_robot_is_there_and_a_failure_shows_its_line(run: Run) -> None:
     ] + (["close"] if "close" in lines[-1] else [])
 
 
+@pytest.mark.long
 def test_it_works_with_xdist(run: Run) -> None:
     result = run(ROBOTS, "-n", "2")
     result.assert_outcomes(passed=1, failed=1)
