@@ -29,14 +29,16 @@ RELEASE_READY := $(RELEASE_VENV)/ready
 VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 SITE ?= build/site
 
-.PHONY: run test test-long lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist workflows lock clean
+.PHONY: run test test-long style lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist workflows lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
 	$(BIN)/macor-hil demo
 
-test: lint
-	$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock and not long"
+# types are checked beside the first tests: both take one processor at times
+test: style
+	$(BIN)/mypy & types=$$!; \
+		$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock and not long" && wait $$types
 	$(BIN)/python -m pytest -n 3 -m wall_clock
 
 test-long: $(READY)
@@ -45,9 +47,11 @@ test-long: $(READY)
 hostile: $(READY)
 	HOSTILE_LONG=1 $(BIN)/python -m pytest -n 4 --dist worksteal tests/hostile
 
-lint: $(READY)
+style: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+lint: style
 	$(BIN)/mypy
 
 bench: $(READY)

@@ -62,8 +62,16 @@ def has_own_network() -> bool:
 RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in commands(page))]
 
 
+LONG = ("own-planner.md", "tutorial.md", "arenas.md")
+"""Pages whose commands train or measure for long."""
+
+TRIED = [
+    pytest.param(page, marks=[pytest.mark.long] if page.name in LONG else []) for page in RUNNABLE
+]
+
+
 @pytest.mark.timeout(10 * PATIENCE)
-@pytest.mark.parametrize("page", RUNNABLE, ids=names(RUNNABLE))
+@pytest.mark.parametrize("page", TRIED, ids=names(RUNNABLE))
 def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     if not has_own_network():
         pytest.skip("the pages' well-known ports need a network namespace (unshare, ip)")
