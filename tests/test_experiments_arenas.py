@@ -18,7 +18,7 @@ from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.results.store import Result
 from macor_hil.experiments.suite.amounts import AMOUNTS
 from macor_hil.experiments.suite.arenas import ARENAS, ELSEWHERE, IN_PLACE, SYSTEMS, Settings
-from macor_hil.experiments.suite.conditions import cell
+from macor_hil.experiments.suite.shares import cell
 from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.memories.foresight import ForesightMemory
 from macor_hil.mind.memories.graded import GradedMemory

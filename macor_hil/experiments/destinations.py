@@ -172,7 +172,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     driven: list[Result] = []
     for arena in settings.arenas:
         drive = replace(settings.drive, arena=arena)
-        recording = Recordings(recordings.folder.parent, drive)[seed]
+        recording = recordings.of(drive)[seed]
         old = learn_all(settings, recording) if settings.compared else {}
         places = learn_places(recording.brain, recording)
         with on_course(Course(arena=arena), seed, drive.drift) as track:

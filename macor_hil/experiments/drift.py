@@ -57,11 +57,10 @@ def drives(settings: Settings, _: Path) -> list[Drive]:
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Train with each drift, drive with each."""
-    folder = recordings.folder.parent
     result: Result = {"trials": {}}
     for drift in settings.trained:
         drive = replace(settings.drive, drift=drift)
-        systems = learn_all(settings, Recordings(folder, drive)[seed])
+        systems = learn_all(settings, recordings.of(drive)[seed])
         driven = result["trials"][drift] = {}
         for other in settings.driven:
             with on_course(settings.course, seed + _OTHER, other) as track:

@@ -1,5 +1,6 @@
 """Arenas of a suite, for ports: bundled ones, and those that are generated, as files."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,10 +41,8 @@ class Place:
         """
         if isinstance(self.arena, str) and not self.own_colours:
             return self.arena
-        path = folder / f"{self.name}{'-own-colours' if self.own_colours else ''}.toml"
-        if not path.exists():
-            write_atomically(path, self._text().encode())
-        return str(path)
+        look = "-own-colours" if self.own_colours else ""
+        return arena_file(folder, self.name + look, self._text)
 
     def _text(self) -> str:
         from khepera_emulator.arenas.arena import load_arena
@@ -54,6 +53,23 @@ class Place:
         if isinstance(self.arena, int):
             return generate(self.arena, own_colours=self.own_colours).text
         return arena_text(with_own_colours(load_arena(self.arena)))
+
+
+def arena_file(folder: Path, name: str, text: Callable[[], str]) -> str:
+    """Return the path of an arena's file, which is written now if it is not there.
+
+    Args:
+        folder: place of all files of a sweep.
+        name: of the arena, without spaces.
+        text: gives the arena as TOML.
+
+    Raises:
+        MacorError: the folder cannot be written to.
+    """
+    path = folder / f"{name}.toml"
+    if not path.exists():
+        write_atomically(path, text().encode())
+    return str(path)
 
 
 def points_of(

@@ -5,7 +5,7 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
-from macor_hil.files import write_atomically
+from macor_hil.experiments.drives.arena_files import arena_file
 
 _THICK: Final = 0.01
 _END: Final = 1.0
@@ -65,10 +65,7 @@ class Corridor:
         Raises:
             MacorError: the folder cannot be written to.
         """
-        path = folder / f"corridor-{self.width:g}-{self.distance:g}.toml"
-        if not path.exists():
-            write_atomically(path, self.text().encode())
-        return str(path)
+        return arena_file(folder, f"corridor-{self.width:g}-{self.distance:g}", self.text)
 
     def text(self) -> str:
         """Return the arena as TOML."""

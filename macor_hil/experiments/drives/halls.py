@@ -9,7 +9,7 @@ from the sides and passes the posts never meets the wall at the end.
 from dataclasses import dataclass
 from pathlib import Path
 
-from macor_hil.files import write_atomically
+from macor_hil.experiments.drives.arena_files import arena_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +36,7 @@ class Hall:
         Raises:
             MacorError: the folder cannot be written to.
         """
-        path = folder / f"{self.name.replace(' ', '-')}.toml"
-        if not path.exists():
-            write_atomically(path, self.text().encode())
-        return str(path)
+        return arena_file(folder, self.name.replace(" ", "-"), self.text)
 
     def text(self) -> str:
         """Return the arena as the text of a TOML file."""

@@ -284,6 +284,15 @@ class Recordings:
         self.key = key_of(drive, digest(record, [drive.arena], whereabouts(drive.brain)))
         self.folder = folder / self.key
 
+    @property
+    def arenas(self) -> Path:
+        """Folder beside all recordings for files of arenas."""
+        return self.folder.parent.parent / "arenas"
+
+    def of(self, drive: Drive) -> "Recordings":
+        """Return the recordings of another drive, kept beside these."""
+        return Recordings(self.folder.parent, drive)
+
     def has(self, seed: int) -> bool:
         """Return whether the recording of a seed is there."""
         return self._frames(seed).exists()

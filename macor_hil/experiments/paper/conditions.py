@@ -165,12 +165,10 @@ class StraightOn:
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn and drive both clusterers in every condition."""
-    folder = recordings.folder.parent
-    files = folder.parent / "arenas"
     result: Result = {"outlines": {}, "straight": {}, "driven": {}, "heeded": {}}
     for condition in settings.conditions:
-        drive = _drive(settings, condition, files)
-        recording = Recordings(folder, drive)[seed]
+        drive = _drive(settings, condition, recordings.arenas)
+        recording = recordings.of(drive)[seed]
         systems = {
             (steps, name): system
             for steps in (EARLY, FULL)

@@ -29,7 +29,7 @@ from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
-from macor_hil.experiments.suite.conditions import (
+from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
     cell,
     compared_rows,
@@ -75,11 +75,10 @@ def drives(settings: Settings, arenas: Path) -> list[Drive]:
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn with all amounts from the drives of a seed, and drive the trials."""
-    folder = recordings.folder.parent
     driven: list[Result] = []
     for place in settings.homes:
-        arena = place.file(folder.parent / "arenas")
-        recording = Recordings(folder, replace(settings.drive, arena=arena))[seed]
+        arena = place.file(recordings.arenas)
+        recording = recordings.of(replace(settings.drive, arena=arena))[seed]
         course = replace(settings.course, arena=arena)
         systems = _systems(settings, recording, seed)
         condition = drive_all(systems, course, seed, settings.drive.drift)

@@ -35,7 +35,7 @@ from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
-from macor_hil.experiments.suite.conditions import (
+from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
     cell,
     compared_rows,
@@ -135,18 +135,17 @@ def drives(settings: Settings, arenas: Path) -> list[Drive]:
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Train and drive all systems of a seed in all arenas."""
-    folder = recordings.folder.parent
-    files = folder.parent / "arenas"
+    files = recordings.arenas
     driven: list[Result] = []
     for place in settings.homes:
         drive = replace(settings.drive, arena=place.file(files))
-        systems = _systems(settings, Recordings(folder, drive)[seed])
+        systems = _systems(settings, recordings.of(drive)[seed])
         driven += [
             _driven(settings, systems, seed, IN_PLACE, place, files, light)
             for light in (AS_TRAINED, *settings.lights)
         ]
     if settings.mixture and settings.unseen:
-        parts = [Recordings(folder, drive)[seed] for drive in _mixture(settings, files)]
+        parts = [recordings.of(drive)[seed] for drive in _mixture(settings, files)]
         systems = _systems(settings, _mixed(settings, seed, parts))
         for number in settings.unseen:
             where = Place(number)

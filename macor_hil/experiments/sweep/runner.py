@@ -97,7 +97,7 @@ def _sweep(
     if missing:
         # puts in order what a kill may have left: half a line, or seeds out of order
         file.write(results)
-        unrecorded = _unrecorded(experiment, missing, out)
+        unrecorded = _unrecorded(experiment, missing, recordings)
         driving = f"driving for {experiment.name}"
         for (_, seed), _, seconds in _parallel(_record, unrecorded, workers, driving, watch):
             append_line(out / COSTS, _cost("recording", seed, seconds))
@@ -114,13 +114,13 @@ def _sweep(
 
 
 def _unrecorded(
-    experiment: Experiment, seeds: Sequence[int], out: Path
+    experiment: Experiment, seeds: Sequence[int], recordings: Recordings
 ) -> list[tuple[Recordings, int]]:
     """Return the drives of seeds that are not there; one by one, so that workers share them."""
-    drives = [experiment.settings.drive]
+    found = [recordings]
     if experiment.drives is not None:
-        drives = list(dict.fromkeys(experiment.drives(experiment.settings, out / "arenas")))
-    found = [Recordings(out / "recordings", drive) for drive in drives]
+        drives = experiment.drives(experiment.settings, recordings.arenas)
+        found = [recordings.of(drive) for drive in dict.fromkeys(drives)]
     return [(each, seed) for seed in seeds for each in found if not each.has(seed)]
 
 

@@ -27,7 +27,6 @@ _NOT_LEARNED: Final = ("w_max", "mu", "width", "distance")
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn at every point from the drive of a seed, and drive the trials of all systems."""
     recording = recordings[seed]
-    files = recordings.folder.parent.parent / "arenas"
 
     @cache
     def learned(point: Point) -> dict[str, System]:
@@ -36,7 +35,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     @cache
     def driven(name: str, point: Point) -> list[list[Any]]:
         system = learned(_without(_NOT_LEARNED, point, settings.base))[name]
-        course = replace(settings.course, arena=point.corridor().file(files))
+        course = replace(settings.course, arena=point.corridor().file(recordings.arenas))
         return _trials(course, with_competence(system, point.competence()), seed, settings)
 
     return {
