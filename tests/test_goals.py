@@ -195,6 +195,24 @@ def test_too_little_gives_no_plan() -> None:
     assert Goal().plan(memory, robot.look()).command is None
 
 
+def test_what_shows_too_little_is_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[int] = []
+
+    def too_little(*arrays: Array) -> None:
+        looks.append(len(arrays[0]))
+
+    monkeypatch.setattr("macor_hil.mind.memories.places.atlas_of", too_little)
+    memory, robot = PlacesMemory(120), StandIn(ROOMS)
+    robot.train(memory, 20)
+    planner = Goal()
+    for _ in range(3):
+        planner.plan(memory, robot.look())
+    assert len(looks) == 1
+    robot.train(memory, 5)
+    planner.plan(memory, robot.look())
+    assert len(looks) == 2
+
+
 def test_a_goal_is_seen_by_its_colour_and_reached_when_it_is_near() -> None:
     robot, goal = StandIn(ROOMS), destination("red")
     robot.put_down(Pose(x=0.5, y=0.15, heading=pi / 2))
