@@ -229,10 +229,10 @@ class RequestKind(Kind, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Spell:
-    """A time in which a fault of the robot lasts.
+    """A time in which a fault lasts.
 
     Attributes:
-        kind: one of `robot.robot_faults`, or a class as they are.
+        kind: of the fault, made for this time.
         fault: as it was asked for.
         begin, end: seconds on the robot's clock.
     """
@@ -241,6 +241,10 @@ class Spell:
     fault: Fault
     begin: float
     end: float
+
+    def holds(self, when: float) -> bool:
+        """Tell whether it lasts at a time."""
+        return self.begin <= when < self.end
 
 
 Listener = Callable[[Happening], None]

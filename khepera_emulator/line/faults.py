@@ -6,7 +6,6 @@ bytes are hit. No I/O: times and bytes come in, times and bytes go out.
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import inf
 from random import Random
 from typing import Any, Final, NamedTuple
@@ -63,7 +62,7 @@ class Faults:
         ending = [active for active in once if active.starts_again_at_end]
         moments += [_Moment(active.at + active.fault.lasts, active) for active in ending]
         self._moments = deque(sorted(moments, key=lambda moment: moment.at))
-        self._windows = [_window(active, active.at) for active in once if active.on_line]
+        self._on_line = [_spell(active, active.at) for active in once if active.on_line]
         self.spells = [_spell(active, active.at) for active in once if active.on_robot]
 
     def __bool__(self) -> bool:
@@ -119,11 +118,11 @@ class Faults:
                 continue
             self._tell(when, Direction.REQUEST, active.fault.kind, active.story())
             if active.on_robot:
-                self._befall(active, when)
+                self.spells = _with_another(self.spells, active, when)
             elif active.effect is Effect.RESET:
                 reset = True
-            else:
-                self._open(active, when)
+            elif active.on_line:
+                self._on_line = _with_another(self._on_line, active, when)
         return reset
 
     def on_reply(self, when: float, reply: bytes) -> bytes:
@@ -150,26 +149,18 @@ class Faults:
                 self._tell(when + passing.late, direction, active.fault.kind, what)
         return passing.copies, passing.byte, passing.late
 
-    def _open(self, active: "_Active", when: float) -> None:
-        ahead = [window for window in self._windows if window.end > when]
-        self._windows = [*ahead, _window(active, when)]
-
-    def _befall(self, active: "_Active", when: float) -> None:
-        ahead = [spell for spell in self.spells if spell.end > when]
-        self.spells = [*ahead, _spell(active, when)]
-
     def _standstill(self, direction: Direction, when: float) -> float:
         """Return seconds that a byte has to wait until the line moves again."""
         begin = when
-        for window in self._windows:
-            if window.effect is Effect.STALL and window.holds(direction, when):
-                when = window.end
+        for spell in self._on_line:
+            if _does(spell, Effect.STALL, direction) and spell.holds(when):
+                when = spell.end
         return when - begin
 
     def _is_cut(self, direction: Direction, when: float, byte: int) -> bool:
-        for window in self._windows:
-            if window.effect is Effect.CUT and window.holds(direction, when):
-                self._tell(when, direction, window.kind, f"{bytes((byte,))!r} lost")
+        for spell in self._on_line:
+            if _does(spell, Effect.CUT, direction) and spell.holds(when):
+                self._tell(when, direction, spell.fault.kind, f"{bytes((byte,))!r} lost")
                 return True
         return False
 
@@ -177,20 +168,6 @@ class Faults:
         happening = Happening(when, direction, kind, what)
         for listener in self.listeners:
             listener(happening)
-
-
-@dataclass(frozen=True, slots=True)
-class _Window:
-    """A time in which the line stands still or is cut."""
-
-    kind: str
-    effect: Effect | None
-    directions: tuple[Direction, ...]
-    begin: float
-    end: float
-
-    def holds(self, direction: Direction, when: float) -> bool:
-        return self.begin <= when < self.end and direction in self.directions
 
 
 class _Moment(NamedTuple):
@@ -258,12 +235,16 @@ class _Active:
         return f"{self.fault.lasts:g} s" if self.fault.lasts < inf else "for good"
 
 
-def _window(active: _Active, begin: float) -> _Window:
-    fault = active.fault
-    return _Window(fault.kind, active.effect, fault.directions, begin, begin + fault.lasts)
-
-
 def _spell(active: _Active, begin: float) -> Spell:
     # one that happens again begins anew
     kind = find_kind(active.fault.kind)()
     return Spell(kind, active.fault, begin, begin + active.fault.lasts)
+
+
+def _with_another(spells: list[Spell], active: _Active, begin: float) -> list[Spell]:
+    """Return spells that are not over, and one that begins now."""
+    return [*(spell for spell in spells if spell.end > begin), _spell(active, begin)]
+
+
+def _does(spell: Spell, effect: Effect, direction: Direction) -> bool:
+    return spell.kind.effect is effect and direction in spell.fault.directions

@@ -69,4 +69,4 @@ class Ailments:
 
     def _lasting(self, time: float) -> list[Spell]:
         now = self._origin + time
-        return [spell for spell in self._faults.spells if spell.begin <= now < spell.end]
+        return [spell for spell in self._faults.spells if spell.holds(now)]
