@@ -33,6 +33,12 @@ def moved(pose: Array, motion: Array) -> Array:
     )
 
 
+def wrapped(angles: Array) -> Array:
+    """Return angles in -pi to pi, radians."""
+    inside: Array = (angles + np.pi) % (2 * np.pi) - np.pi
+    return inside
+
+
 def learned_motion(before: Array, after: Array) -> Array | None:
     """Return the motion that explains what was seen, shape (3,); None: nothing does.
 

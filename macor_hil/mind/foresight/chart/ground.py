@@ -100,9 +100,10 @@ def ground_of(poses: Array, profiles: Floats) -> Ground:
     columns, rows = np.minimum(size, _MOST).tolist()
     free, solid = np.zeros((2, rows, columns), np.int32)
     for pose, profile in zip(poses, np.maximum(profiles, 1.0 / _FAR), strict=True):
-        corners = _cells(moved(pose, _as_poses(line_of(profile))), low)
+        line = line_of(profile)
+        corners = _cells(moved(pose, _as_poses(line)), low)
         pieces = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-        ends = joined(profile, line_of(profile)) & (profile > 1.0 / _FAR)
+        ends = joined(profile, line) & (profile > 1.0 / _FAR)
         # only the part of the raster that the view shows
         first = np.clip((corners.min(axis=0) >> _SHIFT) - 1, 0, [columns, rows])
         last = np.clip((corners.max(axis=0) >> _SHIFT) + 2, 0, [columns, rows])

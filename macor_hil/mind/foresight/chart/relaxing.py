@@ -12,7 +12,7 @@ import numpy as np
 
 from macor_hil.arrays import Array, Indices
 from macor_hil.mind.foresight.chart.links import Links, both_ways
-from macor_hil.mind.foresight.motions import moved
+from macor_hil.mind.foresight.motions import moved, wrapped
 
 _ROUNDS: Final = 4
 _STEPS: Final = 120
@@ -68,7 +68,7 @@ def relaxed(poses: Array, links: Links) -> Array:
     heading, place = poses[:, 2], poses[:, :2]
     trust = np.ones(len(begin))
     for _ in range(_ROUNDS):
-        turn = _wrapped(motion[:, 2] - heading[end] + heading[begin])
+        turn = wrapped(motion[:, 2] - heading[end] + heading[begin])
         even = np.broadcast_to(np.eye(1), (len(begin), 1, 1)) * trust[:, None, None]
         change = _solved(np.zeros((len(poses), 1)), begin, end, turn[:, None], even)
         heading = heading + change[:, 0]
@@ -79,7 +79,7 @@ def relaxed(poses: Array, links: Links) -> Array:
         place = _solved(place, begin, end, way, turned * trust[:, None, None])
         off = place[end] - place[begin] - way
         far = np.sqrt((off * (turned @ off[..., None])[..., 0]).sum(axis=1))
-        far += np.abs(_wrapped(heading[end] - heading[begin] - motion[:, 2])) / _TURN
+        far += np.abs(wrapped(heading[end] - heading[begin] - motion[:, 2])) / _TURN
         trust = 1.0 / (1.0 + (far / _ODD) ** 2) ** 2
     return np.column_stack([place, heading])
 
@@ -117,8 +117,3 @@ def _conjugate(times: Callable[[Array], Array], wanted: Array, x: Array, diagona
         size, before = float((rest * better).sum()), size
         step = better + size / before * step
     return x
-
-
-def _wrapped(angles: Array) -> Array:
-    wrapped: Array = (angles + np.pi) % (2 * np.pi) - np.pi
-    return wrapped

@@ -9,7 +9,7 @@ from macor_hil.mind.foresight.chart.chart import Chart
 from macor_hil.mind.foresight.chart.links import nearest, relative
 from macor_hil.mind.foresight.chart.matching import agreement, colours_apart, fitted
 from macor_hil.mind.foresight.chart.views import Views, signatures, turns
-from macor_hil.mind.foresight.motions import moved
+from macor_hil.mind.foresight.motions import moved, wrapped
 
 _CANDIDATES: Final = 8
 """Places that look like the one that is looked for."""
@@ -61,8 +61,7 @@ class Whereabouts:
         pose = self._matched(seen, beside, relative(self._poses[beside], there))
         if pose is None or np.hypot(*(pose - foreseen)[:2]) > _CLOSE:
             return None
-        turned = (pose[2] - foreseen[2] + np.pi) % (2 * np.pi) - np.pi
-        return pose if abs(turned) < _TURNED else None
+        return pose if np.abs(wrapped(pose[2] - foreseen[2])) < _TURNED else None
 
     def _anywhere(self, seen: Views) -> Array | None:
         if len(self._poses) <= _CANDIDATES:
