@@ -11,7 +11,6 @@ the goal is reached after it. What they know of what follows what is kept.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -30,13 +29,13 @@ from macor_hil.experiments.drives.course import (
     trial_as_json,
     trial_from_json,
 )
+from macor_hil.experiments.drives.relearning import relearned
 from macor_hil.experiments.drives.systems import (
     FORESIGHT,
     GOAL,
     GRADED,
     Learning,
     Q,
-    graded_memory,
     learn_all,
     learn_foresight,
     learn_places,
@@ -48,8 +47,6 @@ from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.experience import Moment, Seen
 from macor_hil.mind.eyes.eyes import FloorSeeing
-from macor_hil.mind.memories.graded import GradedMemory
-from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.planners.destinations import Destination, destination
 from macor_hil.mind.planners.goal import Goal
 from macor_hil.mind.planners.planner import Aim, Plan, Planner
@@ -199,29 +196,9 @@ def _systems(
     systems = {f"{FORESIGHT} 0": foresight}
     for name in RELEARNING:
         for frames in settings.looks:
-            systems[f"{name} {frames}"] = _relearned(settings, goal, recording, old[name], frames)
+            since = islice(_rewarded(goal, recording), frames)
+            systems[f"{name} {frames}"] = relearned(settings, old[name], recording, since)
     return {name: System(one.brain, _Told(one.planner, goal)) for name, one in systems.items()}
-
-
-def _relearned(
-    settings: Settings, goal: Destination, recording: Recording, old: System, frames: int
-) -> System:
-    """Return a system that has learned evaluations for a goal, from so many frames."""
-    known = old.brain.memories[old.planner.memory]
-    memory: GradedMemory | SensorimotorMap
-    if isinstance(known, GradedMemory):
-        memory = graded_memory(settings, recording, known.situations)
-    else:
-        assert isinstance(known, SensorimotorMap)
-        memory = deepcopy(known)
-        memory.begin_anew()
-    learner = replace(old.brain, memories={old.planner.memory: memory})
-    learner.relive(islice(_rewarded(goal, recording), frames), situations=False)
-    if isinstance(memory, GradedMemory) and isinstance(known, GradedMemory):
-        kept, since = known.counts, memory.counts
-        r = np.divide(since.earned, since.tried, np.zeros_like(since.tried), where=since.tried > 0)
-        since.load({"led_to": kept.led_to, "tried": kept.tried, "earned": kept.tried * r})
-    return System(learner, old.planner)
 
 
 def _rewarded(goal: Destination, recording: Recording) -> Iterator[Seen]:

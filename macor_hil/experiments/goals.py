@@ -11,7 +11,6 @@ from the beginning?
 """
 
 from collections.abc import Iterator
-from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -19,6 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from macor_hil.experiments.drives.course import Course, System, Track, on_course
+from macor_hil.experiments.drives.relearning import relearned
 from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
     EXPECTED,
@@ -26,7 +26,6 @@ from macor_hil.experiments.drives.systems import (
     REACTIVE,
     Learning,
     Q,
-    graded_memory,
     learn_all,
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
@@ -35,10 +34,6 @@ from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
-from macor_hil.mind.brain import Brain
-from macor_hil.mind.memories.graded import GradedMemory
-from macor_hil.mind.memories.memory import Memory
-from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.reinforcement import Reinforcement
 
 SHOWN: Final = (REACTIVE, ANTICIPATIVE, Q, EXPECTED, GRADED)
@@ -93,38 +88,8 @@ def _earned(settings: Settings, track: Track, system: System, seed: int) -> floa
 
 def _changed(settings: Settings, system: System, recording: Recording, frames: int) -> System:
     """Return a system some frames after the change."""
-    known = system.brain.memories[system.planner.memory]
-    revalued: Memory
-    if isinstance(known, GradedMemory):
-        revalued = _revalued(settings, known, recording, frames)
-    else:
-        assert isinstance(known, SensorimotorMap)
-        revalued = deepcopy(known)
-        revalued.begin_anew()
-        _relearn(settings, system.brain, system.planner.memory, revalued, recording, frames)
-    memories = {system.planner.memory: revalued}
-    return System(replace(system.brain, memories=memories), system.planner)
-
-
-def _revalued(
-    settings: Settings, known: GradedMemory, recording: Recording, frames: int
-) -> GradedMemory:
-    """Return a memory with old counts, whose rewards are one old experience and all since."""
-    since = graded_memory(settings, recording, known.situations)
-    _relearn(settings, recording.brain, "graded", since, recording, frames)
-    old, new = known.counts, since.counts
-    before = np.divide(old.earned, old.tried, out=np.zeros_like(old.tried), where=old.tried > 0)
-    r = (new.earned + before) / (new.tried + 1.0)
-    new.load({"led_to": old.led_to, "tried": old.tried, "earned": old.tried * r})
-    return since
-
-
-def _relearn(
-    settings: Settings, brain: Brain, name: str, memory: Memory, recording: Recording, frames: int
-) -> None:
-    """Let one memory learn the first frames under the new goal; situations stay."""
-    learner = replace(brain, memories={name: memory}, reinforcement=settings.goal)
-    learner.relive(recording.seen(frames), situations=False)
+    since = recording.seen(frames)
+    return relearned(settings, system, recording, since, settings.goal, before=1.0)
 
 
 def commands_needed(settings: Settings, result: Result, name: str) -> int | None:

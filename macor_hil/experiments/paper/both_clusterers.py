@@ -6,12 +6,10 @@ whole drive.
 
 from typing import Final
 
-import numpy as np
-
 from macor_hil.arrays import Array
-from macor_hil.commands import COMMANDS, FIRST_COMMAND
+from macor_hil.commands import COMMANDS
 from macor_hil.experiments.drives.course import System
-from macor_hil.experiments.drives.training_drive import PUT_DOWN, Recording
+from macor_hil.experiments.drives.training_drive import Recording
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.clusterers.clusterer import Clusterer
 from macor_hil.mind.clusterers.clusterer_error import situations
@@ -82,11 +80,6 @@ def reactive_system(
         planner: chooses commands; None: reactively.
     """
     memory = SensorimotorMap(nodes, len(COMMANDS), competence)
-    driven = recording.commands != PUT_DOWN
-    led = np.where(driven, recording.commands, FIRST_COMMAND)
-    neurons = situations(clusterer, recording.inputs, learn=False) * len(COMMANDS) + led
-    earned = recording.reinforcement(reinforcement)
-    for t in np.flatnonzero(driven[1:]) + 1:
-        memory.adapt(int(neurons[t - 1]), int(neurons[t]), float(earned[t]))
     brain = Brain(recording.brain.eyes, clusterer, {"transitions": memory}, reinforcement)
+    brain.relive(recording.seen(), situations=False)
     return System(brain, Reactive() if planner is None else planner)
