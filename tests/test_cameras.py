@@ -16,6 +16,7 @@ import pytest
 import zenoh
 from as_type import not_none
 from controller_helpers import PATIENCE, free_endpoint, watching
+from interrupting import interrupt_after
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Stamp
 
@@ -573,20 +574,6 @@ def test_the_end_of_the_watch_does_not_wait_for_a_picture() -> None:
         assert began.wait(PATIENCE)
     assert not too_late
     hang.set()
-
-
-def interrupt_after(calls: int) -> None:
-    """Have a KeyboardInterrupt come after so many calls of C functions, as a signal may."""
-    left = calls
-
-    def profile(_frame: Any, event: str, _argument: Any) -> None:
-        nonlocal left
-        left -= event == "c_return"
-        if left == 0:
-            sys.setprofile(None)
-            raise KeyboardInterrupt
-
-    sys.setprofile(profile)
 
 
 def test_the_watch_ends_wherever_a_signal_comes() -> None:

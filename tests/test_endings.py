@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 from drives import MACOR_HIL, STATUSES, WAYS_OUT, Drive
 from emulator_process import PATIENCE, emulator, free_endpoint
+from interrupting import signal_after
 from made_once import made_once
 from rig import Closing
 from short_training import train_shortly
@@ -25,6 +27,7 @@ from macor_hil.cli.ending import SUMMARY, Status
 from macor_hil.errors import MacorError
 from macor_hil.files import write_atomically
 from macor_hil.safety.claim import claim, lock_of
+from macor_hil.safety.interruption import Interruption
 
 ENDS = [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0)]
 DOCS = Path(__file__).parent.parent / "docs"
@@ -299,6 +302,23 @@ def test_a_pipe_where_a_lock_belongs_does_not_make_it_wait(tmp_path: Path) -> No
     with pytest.raises(MacorError, match="is none; move it away"), claim(tmp_path / "a"):
         pass
     assert os.path.samestat(pipe.lstat(), before)
+
+
+def test_a_claim_leaves_nothing_behind_wherever_in_its_taking_a_signal_comes(
+    tmp_path: Path,
+) -> None:
+    file, calls, came = tmp_path / "a", 0, [True]
+    while came:
+        calls, came = calls + 1, []
+        with Interruption(), suppress(KeyboardInterrupt):
+            try:
+                sys.setprofile(signal_after(calls, came))
+                with claim(file):
+                    sys.setprofile(None)
+            finally:
+                sys.setprofile(None)
+        assert not lock_of(file).exists(), f"left behind by a signal after call {calls}"
+    assert calls > 10
 
 
 def test_two_trainings_of_one_map_do_not_both_report_success(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ import zenoh
 from as_type import as_type, not_none
 from controller_helpers import PATIENCE, ask_until, free_endpoint, receive, watching
 from emulator_process import EmulatorProcess, emulator
+from interrupting import signal_after
 from khepera_protocol.zenoh.controller_payloads import Decision, Phase, State
 from khepera_protocol.zenoh.payloads import Pose, Truth
 from made_once import made_once
@@ -372,20 +373,6 @@ def test_an_interruption_leaves_no_lock_of_a_queue_locked_wherever_it_comes() ->
         assert raised is bool(came), f"after call {calls}"
         assert received.mutex.acquire(timeout=1.0), f"locked by a signal after call {calls}"
     assert calls > 3
-
-
-def signal_after(calls: int, came: list[Any]) -> Callable[..., Any]:
-    """A profile function that sends a signal after so many calls of C functions."""
-
-    def profile(_frame: Any, event: str, _argument: Any) -> None:
-        nonlocal calls
-        calls -= event == "c_return"
-        if calls == 0:
-            sys.setprofile(None)
-            came.append(1)
-            signal.raise_signal(signal.SIGINT)
-
-    return profile
 
 
 def test_a_wait_within_a_condition_is_interrupted_all_the_same() -> None:

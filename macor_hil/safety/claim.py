@@ -11,6 +11,7 @@ from typing import Final
 from khepera_protocol.system.lock_file import NotALockError, give_back_lock, take_lock
 
 from macor_hil.errors import MacorError
+from macor_hil.safety.interruption import interruption_in_charge, undisturbed
 
 _TEXT: Final = b"macor-hil holds this file while it writes the one beside it\n"
 
@@ -23,9 +24,23 @@ def claim(path: Path) -> Iterator[None]:
         MacorError: another one works on it, or its folder cannot be written.
     """
     lock_path = lock_of(path)
+    lock: int | None = None
+    try:
+        # a signal in the middle of it would leave the lock's file behind
+        with undisturbed():
+            lock = _taken(path, lock_path)
+        if interruption := interruption_in_charge():
+            interruption.check()
+        yield
+    finally:
+        if lock is not None:
+            give_back_lock(lock_path, lock)
+
+
+def _taken(path: Path, lock_path: Path) -> int:
     try:
         lock_path.parent.mkdir(parents=True, exist_ok=True)
-        lock = take_lock(lock_path, _TEXT)
+        return take_lock(lock_path, _TEXT)
     except BlockingIOError:
         raise MacorError(
             f"another program is writing {path}; wait for its end, or name another file"
@@ -36,10 +51,6 @@ def claim(path: Path) -> Iterator[None]:
         ) from None
     except OSError as error:
         raise MacorError(f"cannot write {path}: {error.strerror}") from None
-    try:
-        yield
-    finally:
-        give_back_lock(lock_path, lock)
 
 
 def lock_of(path: Path) -> Path:
