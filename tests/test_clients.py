@@ -25,13 +25,9 @@ def folder(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> Path:
     return pytester.path
 
 
-COMPILED = [
-    pytest.param(name, marks=[] if name == "python" else [pytest.mark.long]) for name in NEEDS
-]
-
-
+@pytest.mark.long
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("language", COMPILED, ids=list(NEEDS))
+@pytest.mark.parametrize("language", NEEDS)
 def test_a_client_stops_in_time(pytester: pytest.Pytester, language: str) -> None:
     if shutil.which(NEEDS[language]) is None:
         pytest.skip(f"the client in {language} needs {NEEDS[language]}, which is not here")

@@ -62,7 +62,7 @@ def has_own_network() -> bool:
 RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in commands(page))]
 
 
-LONG = ("own-planner.md", "tutorial.md", "arenas.md")
+LONG = ("own-planner.md", "tutorial.md", "arenas.md", "testing.md", "watching.md", "faults.md")
 """Pages whose commands train or measure for long."""
 
 TRIED = [

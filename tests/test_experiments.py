@@ -279,6 +279,7 @@ def test_results_are_json_lines_by_seed(sweep: Path) -> None:
         assert len(done[0]["path"]) == len(done[0]["r"]) + 1 <= 3
 
 
+@pytest.mark.long
 def test_any_number_of_workers_gives_the_same_bytes(sweep: Path, recorded: Path) -> None:
     # two are recorded by two processes, the third is there
     for path in (recorded / "recordings").glob("*/seed-000[12].frames.npz"):
@@ -309,6 +310,7 @@ def test_a_broken_off_sweep_goes_on_and_does_nothing_twice(sweep: Path, recorded
     assert sorted((c["what"], c["seed"]) for c in costs) == [("table1", k) for k in (1, 2, 3)]
 
 
+@pytest.mark.long
 def test_more_seeds_are_added_to_those_that_are_there(sweep: Path, recorded: Path) -> None:
     reproduce([untold(tiny(TABLE1))], 2, 1, recorded, silent)
     reproduce([untold(tiny(TABLE1))], 3, 1, recorded, silent)
