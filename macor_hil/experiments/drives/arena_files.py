@@ -1,6 +1,6 @@
 """Arenas of a suite, for ports: bundled ones, and those that are generated, as files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,6 +86,11 @@ def points_of(
     if colour is None:
         return [lamp.centre for lamp in load_arena(arena).lamp]
     return edge_points(outline, colour)
+
+
+def shipped(places: Iterable[Place]) -> tuple[str, ...]:
+    """Return the arenas among places that come with the emulator, each once."""
+    return tuple(dict.fromkeys(each.arena for each in places if isinstance(each.arena, str)))
 
 
 def bundled_arenas() -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.drives.arena_files import Place
+from macor_hil.experiments.drives.arena_files import Place, shipped
 from macor_hil.experiments.drives.course import Course, System
 from macor_hil.experiments.drives.systems import (
     EXPECTED,
@@ -56,7 +56,7 @@ class Settings(Learning):
     @property
     def arenas(self) -> tuple[str, ...]:
         """Arenas that come as files; all others follow from code."""
-        return tuple(dict.fromkeys(p.arena for p in self.homes if isinstance(p.arena, str)))
+        return shipped(self.homes)
 
     @property
     def amounts(self) -> tuple[tuple[str, int], ...]:

@@ -15,7 +15,7 @@ import numpy as np
 from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
+from macor_hil.experiments.drives.arena_files import Place, bundled_arenas, shipped
 from macor_hil.experiments.drives.course import Course, Lighting, System
 from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
@@ -97,7 +97,7 @@ class Settings(Learning):
     @property
     def arenas(self) -> tuple[str, ...]:
         """Arenas that come as files; all others follow from code."""
-        return tuple(dict.fromkeys(p.arena for p in self.homes if isinstance(p.arena, str)))
+        return shipped(self.homes)
 
 
 QUICK: Final = Settings(
