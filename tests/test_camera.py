@@ -337,11 +337,12 @@ def test_all_that_stands_before_the_walls_is_drawn_as_by_pybullet(
         for each in (own, reference)
     ]
     difference = np.abs(pictures[0].astype(int) - pictures[1]).max(axis=2)
-    # edges differ by less than a pixel, and what is round has corners in PyBullet
+    # edges differ by less than a pixel; what is round has corners in PyBullet, and other light
     assert np.median(difference) == 0
-    assert np.mean(difference) < 3.0
-    assert np.mean(difference > 4) < 0.10
-    assert np.mean(difference > 60) < 0.02
+    assert np.mean(difference) < 3.5
+    assert np.mean(difference > 4) < 0.13
+    assert np.mean(difference > 30) < 0.04
+    assert np.mean(difference > 60) < 0.01
 
 
 @pytest.mark.parametrize("with_numpy", [True, False])
