@@ -2,6 +2,7 @@
 
 import signal
 from collections import Counter
+from collections.abc import Generator
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -19,6 +20,8 @@ settings.load_profile("patient")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGQUIT, signal.SIG_DFL)
 
+
+MISSING = "for which PyBullet is missing"
 
 try:
     load_physics("some tests are about it")
@@ -40,10 +43,22 @@ def pytest_report_header() -> str | None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip what needs PyBullet where there is none."""
+    """Skip tests that cannot say themselves that they need PyBullet."""
     for item in items:
         if not HAS_PHYSICS and item.get_closest_marker("pybullet"):
             item.add_marker(pytest.mark.skip("PyBullet is missing"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Skip what turns out to need PyBullet where there is none."""
+    report = yield
+    if not HAS_PHYSICS and report.failed and MISSING in report.longreprtext:
+        report.outcome = "skipped"
+        report.longrepr = (str(item.path), item.location[1] or 0, "PyBullet is missing")
+    return report
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
