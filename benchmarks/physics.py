@@ -16,7 +16,6 @@ import numpy as np
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page import DOCS, PICTURES, report
@@ -201,27 +200,31 @@ def _difference(one: Image, other: Image) -> tuple[float, float]:
 
 
 def _draw_motion() -> None:
-    figure = Figure(figsize=(9.5, 3.6), layout="constrained")
-    axes = figure.subplots(1, 3)
-    names = [course.name for course in COURSES]
-    shown = ["an arc", "against a wall at 60 degrees", "a box pushed"]
-    for panel, name in zip(np.ravel(axes), shown, strict=True):
-        _draw_course(panel, COURSES[names.index(name)])
-    axes[0].legend(loc="lower left", frameon=False)
+    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
+    path, turn, gap = figure.subplots(1, 3)
+    known = {course.name: course for course in COURSES}
+    wall = known["against a wall at 60 degrees"]
+    for rigid, style in ((False, {"lw": 3.5, "alpha": 0.5}), (True, {"lw": 1.2, "ls": "--"})):
+        label, colour = ("pybullet", "#d55e00") if rigid else ("auto", "#0072b2")
+        arc, slide = drive(known["an arc"], rigid=rigid), drive(wall, rigid=rigid)
+        path.plot(*(1e3 * arc.poses[:, :2].T), color=colour, label=label, **style)
+        turn.plot(_times(slide), np.degrees(slide.poses[:, 2]), color=colour, **style)
+    colours = ("#000000", "#009e73", "#cc79a7", "#56b4e9")
+    shown = ("an arc", "against a wall at 30 degrees", wall.name, "a box pushed")
+    for name, colour, line in zip(shown, colours, ("-", "--", "-.", ":"), strict=True):
+        own, rigid_one = (drive(known[name], rigid=each) for each in (False, True))
+        apart_by = 1e3 * np.hypot(*(own.poses - rigid_one.poses).T[:2])
+        gap.plot(_times(own), apart_by, line, color=colour, label=name)
+    path.set(title="an arc", xlabel="x in mm", ylabel="y in mm", aspect="equal")
+    turn.set(title=wall.name, xlabel="seconds", ylabel="heading in degrees", ylim=(0, None))
+    gap.set(title="auto and pybullet apart", xlabel="seconds", ylabel="mm", ylim=(0, None))
+    path.legend(loc="center", frameon=False)
+    gap.legend(frameon=False, fontsize=8)
     figure.savefig(PICTURES / "physics.png", dpi=90)
 
 
-def _draw_course(axes: Axes, course: Course) -> None:
-    for rigid, style in ((False, {"lw": 3.5, "alpha": 0.5}), (True, {"lw": 1.2, "ls": "--"})):
-        driven = drive(course, rigid=rigid)
-        label, colour = ("pybullet", "#d55e00") if rigid else ("auto", "#0072b2")
-        axes.plot(*(1e3 * driven.poses[:, :2].T), color=colour, label=label, **style)
-        if not np.isnan(driven.thing).any():
-            axes.plot(*(1e3 * driven.thing), "s", color=colour, ms=6 if rigid else 10)
-    for wall in course.parts.get("wall", ()):
-        axes.axvline(1e3 * (wall["points"][0][0] - 0.005) - 27.5, color="0.7", lw=1)
-    axes.set(title=course.name, xlabel="x in mm", ylabel="y in mm")
-    axes.set_aspect("equal", adjustable="datalim")
+def _times(driven: Driven) -> Array:
+    return _STEP * np.arange(1, len(driven.poses) + 1)
 
 
 def _draw_pictures(scale: int = 2) -> None:

@@ -43,7 +43,7 @@ _HEAD: Final = ("CPython", "PyBullet", "wheels", "installed in", "arena", "pictu
 _LOOK: Final = """
 import sys, zenoh
 from khepera_protocol.zenoh.config import zenoh_config
-with zenoh.open(zenoh.Config.from_json5(zenoh_config([sys.argv[1]], []))) as session:
+with zenoh.open(zenoh.Config.from_json5(zenoh_config([], [sys.argv[1]]))) as session:
     (reply,) = session.get("khepera/khepera/camera", payload='{"encoding":"png"}', timeout=20)
     picture = reply.ok.payload.to_bytes()
     assert picture.startswith(b"\\x89PNG"), picture
