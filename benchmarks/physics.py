@@ -57,6 +57,7 @@ class Course(NamedTuple):
 _WALL: Final = {"wall": [{"points": [[0.105, -1.0], [0.105, 1.0]]}]}
 _BOX: Final = {"shape": "box", "centre": [0.10, 0.008], "size": [0.04, 0.04], "mass": 0.02}
 _AHEAD: Final = (Leg(5, 5, 5.0),)
+_LONG: Final = (Leg(5, 5, 10.0),)
 
 _MANY: Final = (Leg(20, 20, 2.0), Leg(5, 15, 2.0), Leg(-10, 10, 1.0), Leg(0, 0, 1.0))
 
@@ -66,8 +67,8 @@ COURSES: Final = (
     Course("two turns on the spot", (Leg(-5, 5, 8.3),), {}),
     Course("a start, a curve, a turn, a stop", _MANY, {}),
     Course("against a wall, head on", _AHEAD, _WALL),
-    Course("against a wall at 30 degrees", _AHEAD, _WALL, 30.0),
-    Course("against a wall at 60 degrees", _AHEAD, _WALL, 60.0),
+    Course("against a wall at 30 degrees", _LONG, _WALL, 30.0),
+    Course("against a wall at 60 degrees", _LONG, _WALL, 60.0),
     Course("a box pushed", _AHEAD, {"object": [_BOX]}),
 )
 
@@ -219,7 +220,8 @@ def _draw_motion() -> None:
     turn.set(title=wall.name, xlabel="seconds", ylabel="heading in degrees", ylim=(0, None))
     gap.set(title="auto and pybullet apart", xlabel="seconds", ylabel="mm", ylim=(0, None))
     path.legend(loc="center", frameon=False)
-    gap.legend(frameon=False, fontsize=8)
+    gap.set_ylim(top=1.6 * gap.get_ylim()[1])
+    gap.legend(frameon=False, fontsize=8, loc="upper right")
     figure.savefig(PICTURES / "physics.png", dpi=90)
 
 
