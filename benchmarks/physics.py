@@ -226,7 +226,7 @@ def _draw_motion() -> None:
 
 
 def _times(driven: Driven) -> Array:
-    return _STEP * np.arange(1, len(driven.poses) + 1)
+    return np.asarray(_STEP * np.arange(1, len(driven.poses) + 1), dtype=np.float64)
 
 
 def _draw_pictures(scale: int = 2) -> None:
@@ -235,7 +235,7 @@ def _draw_pictures(scale: int = 2) -> None:
         world = World(load_arena(name), rigid=True)
         pose = _views(world.arena)[2]
         own, _, fine = (_picture(world, each, pose) for each in _renderers(world))
-        rows.append([own, fine, cv2.absdiff(own, fine)])
+        rows.append([own, fine, np.asarray(cv2.absdiff(own, fine), dtype=np.uint8)])
         world.close()
     picture = np.vstack([np.hstack(row) for row in rows])
     size = picture.shape[1] * scale, picture.shape[0] * scale
@@ -246,10 +246,10 @@ def _draw_pictures(scale: int = 2) -> None:
 
 def main() -> None:
     """Measure, draw and print; `--write` puts the tables into the page, too."""
-    head = ("course", "way", "apart", "turned apart", "the box apart", "auto", "pybullet")
-    report("Motion", head, _motion_rows(), (PAGE, "motion"))
-    head = ("arena", "own against fine", "PyBullet against fine", "own", "PyBullet")
-    report("Pictures", head, _picture_rows(), (PAGE, "pictures"))
+    courses = ("course", "way", "apart", "turned apart", "the box apart", "auto", "pybullet")
+    report("Motion", courses, _motion_rows(), (PAGE, "motion"))
+    arenas = ("arena", "own against fine", "PyBullet against fine", "own", "PyBullet")
+    report("Pictures", arenas, _picture_rows(), (PAGE, "pictures"))
     _draw_motion()
     _draw_pictures()
 
