@@ -67,14 +67,11 @@ class Serial(SerialBase):
         from khepera_protocol.options import OptionError
 
         from khepera_emulator.errors import EmulatorError
+        from khepera_emulator.robot.emulator import make_fleet
         from khepera_emulator.robot.options import AUTO, UrlOptions
-        from khepera_emulator.world.bullet import load_physics
 
         url = str(self.portstr)
         try:
-            load_physics()
-            from khepera_emulator.robot.emulator import make_fleet
-
             options = UrlOptions.from_url(url)
             self._follows = options.baud == AUTO
             setup = options.setup(self.allowed)

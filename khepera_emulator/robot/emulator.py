@@ -76,7 +76,7 @@ class Emulator:
         self.setup = setup
         self.uart = Uart(setup.baud, Faults(setup.faults, tell=_log_fault))
         self.now = 0.0
-        self._fleet = fleet or Fleet(setup.arena, setup.model.radius)
+        self._fleet = fleet or Fleet(setup.arena, setup.model.radius, rigid=setup.rigid)
         self._number = len(self._fleet.members)
         self._equipment = Equipment(
             setup.turrets, setup.choices, self._fleet.radio, self._number + 1
@@ -95,7 +95,7 @@ class Emulator:
         self._fleet.join(self)
 
     def close(self) -> None:
-        """Give back the physics client, which is that of the whole fleet."""
+        """Give back the world, which is that of the whole fleet."""
         self._fleet.close()
 
     @property
@@ -279,5 +279,5 @@ def make_fleet(setup: Setup, size: int) -> list[Emulator]:
     Raises:
         EmulatorError: there is no room for so many.
     """
-    fleet = Fleet(setup.arena, setup.model.radius, size)
+    fleet = Fleet(setup.arena, setup.model.radius, size, rigid=setup.rigid)
     return [Emulator(setup, fleet) for _ in range(size)]

@@ -31,6 +31,7 @@ class Setup:
         choices: of its firmware, where sources leave them open.
         dead_man: seconds without a request after which the robot stops by itself; None: never, as
             a real one.
+        rigid: whether it is a rigid body in PyBullet all the time.
     """
 
     arena: Arena
@@ -43,3 +44,4 @@ class Setup:
     turrets: tuple[Any, ...] = ()
     choices: Choices = Choices()  # noqa: RUF009 - an immutable value
     dead_man: float | None = None
+    rigid: bool = False
