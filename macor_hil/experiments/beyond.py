@@ -7,7 +7,7 @@ too (`graded`); each in the corridor that it was trained in, from the start and 
 in arenas that it has never seen.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 

@@ -196,7 +196,6 @@ def first_sentence(figure: str, claim: Claim, settings: Settings, results: Resul
 
 def side_by_side(settings: Settings, results: Results, hours: dict[str, float]) -> list[Element]:
     """Return what figures 3 and 4 have in common: the picture and both tables."""
-    first = next(iter(results))
     return [
         Text(
             f"{len(results)} training seeds, {settings.nodes} nodes, vigilance"
