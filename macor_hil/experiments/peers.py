@@ -218,8 +218,8 @@ def _caption(settings: Settings, results: Results) -> str:
     names = [best(settings, results), *(f"{name}, {_first(settings)}" for name in OWN)]
     longest = max(names, key=lambda name: float(np.mean(_lengths(results, name))))
     return (
-        f"Mean length of each seed's trials; {FALCON} with the parameters that drive longest. Of all"
-        f" that learned the {_first(settings)} commands {_short(longest)} drives longest."
+        f"Mean length of each seed's trials; {FALCON} with the parameters that drive longest. Of"
+        f" all that learned the {_first(settings)} commands {_short(longest)} drives longest."
     )
 
 

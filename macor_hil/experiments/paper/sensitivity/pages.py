@@ -126,13 +126,13 @@ def tell(settings: Settings, results: Results) -> list[Element]:
 
 
 def _caption(points: Mapping[Values, Point], found: Map) -> str:
-    best = {
-        name: max(points, key=lambda at: np.mean(found[points[at]][name].length))
-        for name in SYSTEMS
-    }
+    longest = []
+    for name in SYSTEMS:
+        lengths = {at: float(np.mean(found[point][name].length)) for at, point in points.items()}
+        longest.append(f"{name} at {' and '.join(max(lengths, key=lengths.__getitem__))}")
     return (
         "Mean length of trials, the brighter the longer; below it the share that collided. Longest"
-        f" trials: {'; '.join(f'{name} at {" and ".join(at)}' for name, at in best.items())}."
+        f" trials: {'; '.join(longest)}."
     )
 
 
