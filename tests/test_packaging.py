@@ -139,7 +139,7 @@ def files_in(folder: Path) -> set[str]:
 
 
 def test_every_extra_is_tried_without() -> None:
-    for_developers = {"benchmarks", "build", "docs", "lint", "release", "test"}
+    for_developers = {"benchmarks", "build", "docs", "lint", "release", "test", "tracking"}
     assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
 
 
@@ -155,7 +155,7 @@ def test_every_python_gets_one_pybullet(python: str) -> None:
 def test_every_extra_is_documented() -> None:
     page = (ROOT / "docs" / "install.md").read_text("utf-8")
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
-    for_developers = {"build", "docs", "lint", "release", "test"}
+    for_developers = {"build", "docs", "lint", "release", "test", "tracking"}
     assert documented == set(PROJECT["optional-dependencies"]) - for_developers
 
 

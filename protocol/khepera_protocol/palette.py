@@ -6,7 +6,7 @@ their markers, so that nothing is told by colour alone.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Any, Final
 
 BLUE: Final = "#0072B2"
 VERMILION: Final = "#D55E00"
@@ -28,7 +28,7 @@ SCALE: Final = "cividis"
 """Colour map of values: brighter is more, the same to everyone."""
 
 _DPI: Final = 110
-_STYLE: Final = {
+_STYLE: Final[dict[Any, Any]] = {
     "figure.dpi": _DPI,
     "font.size": 12.0,
     "axes.titlesize": 12.0,
