@@ -87,7 +87,7 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
                 for driven in settings.driven
                 for trained in settings.trained
             },
-            f"commands in a trial, {name}",
+            f"commands in a trial,\n{name}",
             {},
         )
         for name, picture in SHOWN.items()
