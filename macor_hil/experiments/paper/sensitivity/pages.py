@@ -128,8 +128,9 @@ def tell(settings: Settings, results: Results) -> list[Element]:
 def _caption(points: Mapping[Values, Point], found: Map) -> str:
     longest = []
     for name in SYSTEMS:
-        lengths = {at: float(np.mean(found[point][name].length)) for at, point in points.items()}
-        longest.append(f"{name} at {' and '.join(max(lengths, key=lengths.__getitem__))}")
+        lengths = [float(np.mean(found[point][name].length)) for point in points.values()]
+        at = list(points)[int(np.argmax(lengths))]
+        longest.append(f"{name} at {' and '.join(at)}")
     return (
         "Mean length of trials, the brighter the longer; below it the share that collided. Longest"
         f" trials: {'; '.join(longest)}."
