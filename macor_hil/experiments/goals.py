@@ -31,7 +31,7 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.drawing import draw_interval
+from macor_hil.experiments.report.drawing import begin_at_zero, draw_interval
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, mean
@@ -116,7 +116,8 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
             fresh + aside, trained.value, np.abs(bars), fmt=marker, color=colour, capsize=4
         )
     axes.set_xticks(places, [*(f"{n:,}" for n in settings.looks), "trained\nfor it"])
-    axes.set(xlabel="frames since the goal changed", ylim=(0.0, None))
+    axes.set_xlabel("frames since the goal changed")
+    begin_at_zero(axes)
     axes.set_ylabel("reinforcement in a trial, new goal")
     axes.grid()
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)

@@ -16,7 +16,7 @@ from macor_hil.arrays import Array
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, SECTION_31, Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.paper.both_clusterers import ART, GAS, searched_annealing
-from macor_hil.experiments.report.drawing import draw_interval
+from macor_hil.experiments.report.drawing import begin_at_zero, draw_interval
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, order
@@ -104,7 +104,8 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
         for number, name in enumerate((ART, GAS)):
             found = [estimate(values) for values in _over_seeds(results, name, what)]
             draw_interval(axes, range(1, len(found) + 1), found, name, number)
-        axes.set(ylabel=label, ylim=(0.0, None))
+        axes.set_ylabel(label)
+        begin_at_zero(axes)
         axes.grid()
     panels[0].legend()
     panels[1].set_xlabel("presentations of all inputs")

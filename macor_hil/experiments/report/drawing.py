@@ -28,6 +28,11 @@ def draw_interval(
     axes.fill_between(places, low, high, color=colour, alpha=0.2, linewidth=0.0)
 
 
+def begin_at_zero(axes: Axes) -> None:
+    """Let the axis of values begin at 0, with room above what is drawn."""
+    axes.set_ylim(0.0, 1.06 * float(axes.dataLim.ymax))
+
+
 def draw_seeds(
     values: Mapping[str, Sequence[float]], label: str, paper: Mapping[str, float]
 ) -> Figure:
@@ -54,7 +59,7 @@ def draw_seeds(
     axes.set_xticks(range(len(values)), list(values))
     axes.set_ylabel(label)
     axes.set_xlim(-0.6, len(values) - 0.4)
-    axes.set_ylim(0.0, 1.06 * max(max(seeds) for seeds in [*values.values(), [*paper.values(), 0]]))
+    begin_at_zero(axes)
     axes.grid(axis="y")
     axes.plot([], [], "o", color=palette.BLUE, alpha=0.45, markersize=7, label="a training seed")
     axes.plot([], [], "s", color=palette.BLACK, label="interquartile mean, 95 % interval")
