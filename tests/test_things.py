@@ -17,8 +17,8 @@ from worlds import arena
 from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
+from khepera_emulator.robot.khepera.robot import Robot
 from khepera_emulator.robot.periods import is_moving, run_periods
-from khepera_emulator.robot.robot import Robot
 from khepera_emulator.senses.camera import HEIGHT, OmniCamera
 from khepera_emulator.senses.renderers.faces import FacesRenderer
 from khepera_emulator.world.solids import Brick, Disc

@@ -73,12 +73,11 @@ class Serial(SerialBase):
         url = str(self.portstr)
         try:
             load_physics()
-            from khepera_emulator.robot.emulator import make_fleet
+            from khepera_emulator.robot.emulator import make_robots
 
             options = UrlOptions.from_url(url)
             self._follows = options.baud == AUTO
-            setup = options.setup(self.allowed)
-            self.emulator = make_fleet(setup, options.robots)[options.robot - 1]
+            self.emulator = make_robots(options.setups(self.allowed))[options.robot - 1]
         except (EmulatorError, OptionError) as error:
             raise SerialException(f"{printable(url, 100)}: {printable(str(error), 1000)}") from None
         self.is_open = True
