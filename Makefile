@@ -3,6 +3,7 @@
 #   make test   style, types and tests
 #   make test-long  whole sweeps of experiments, installations (minutes)
 #   make bench  speed, as ratios (ten minutes)
+#   make asv    the same for commits, kept and compared (three minutes a commit; COMMITS="HEAD~3..HEAD")
 #   make hostile  bad inputs at every edge, forty times as many as in make test (minutes)
 #   make soak   long use of the serial line (ten minutes)
 #   make soak-service     an hour of service under random faults, ten times faster
@@ -30,11 +31,14 @@ RELEASE_VENV := .venv-release
 RELEASE_BIN := $(RELEASE_VENV)/$(SCRIPTS)
 RELEASE_READY := $(RELEASE_VENV)/ready
 
+# Commits that asv measures.
+COMMITS ?= HEAD^!
+
 # The site of a release is a folder of its own; others stay beside it.
 VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 SITE ?= build/site
 
-.PHONY: run test test-long style lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist pythons workflows lock clean
+.PHONY: run test test-long style lint hostile bench asv soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist pythons workflows lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -62,6 +66,11 @@ lint: style
 bench: $(READY)
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/service.py
+
+asv: $(RELEASE_READY)
+	$(RELEASE_BIN)/asv machine --yes --config benchmarks/asv.conf.json
+	$(RELEASE_BIN)/asv run --config benchmarks/asv.conf.json --show-stderr $(COMMITS)
+	$(RELEASE_BIN)/asv publish --config benchmarks/asv.conf.json
 
 soak: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak.py
@@ -122,7 +131,7 @@ $(RELEASE_READY): requirements-release.lock pyproject.toml
 # Every extra but that of the benchmarks, whose peer is heavy and optional.
 EXTRAS = import tomllib; \
 	extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; \
-	print(*(f"--extra={extra}" for extra in extras if extra not in ("benchmarks", "docs", "peers", "release")))
+	print(*(f"--extra={extra}" for extra in extras if extra not in ("benchmarks", "docs", "peers", "release", "tracking")))
 
 # Pin the newest versions that pyproject.toml admits (needs uv, which is not installed otherwise).
 lock: $(READY)
@@ -130,7 +139,7 @@ lock: $(READY)
 	$(BIN)/uv pip compile pyproject.toml $$($(BIN)/python -c '$(EXTRAS)') \
 		--universal --python-version 3.11 \
 		--generate-hashes --no-header --no-annotate --upgrade --quiet -o requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --extra=build --extra=docs --extra=release \
+	$(BIN)/uv pip compile pyproject.toml --extra=build --extra=docs --extra=release --extra=tracking \
 		--universal --python-version 3.11 \
 		--generate-hashes --no-header --no-annotate --upgrade --quiet -o requirements-release.lock
 

@@ -10,6 +10,7 @@ import tarfile
 import tomllib
 import zipfile
 from collections.abc import Iterator
+from email import message_from_bytes
 from pathlib import Path
 
 import pytest
@@ -91,7 +92,7 @@ def modules(package: str) -> Iterator[str]:
 def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.mkdir()
-    for file in ("pyproject.toml", "README.md", "LICENSE"):
+    for file in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / file, source)
     for package in PACKAGES:
         shutil.copytree(ROOT / package, source / package, ignore=IGNORED)
@@ -105,7 +106,16 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
     command += ["--no-build-isolation", "--wheel-dir", str(tmp_path), str(source)]
     subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
-    assert files <= set(zipfile.ZipFile(wheel).namelist())
+    inside = zipfile.ZipFile(wheel)
+    assert files <= set(inside.namelist())
+    (metadata,) = [name for name in inside.namelist() if name.endswith("/METADATA")]
+    said = message_from_bytes(inside.read(metadata))
+    assert said["Description-Content-Type"] == "text/markdown"
+    assert said["Version"] == PROJECT["version"]
+    description = str(said.get_payload())
+    assert "# khepera-macor" in description
+    # no file lies beside it on a package index
+    assert not re.search(r"\]\((?!https?:|#)", description)
 
 
 @pytest.mark.long
@@ -140,7 +150,7 @@ def files_in(folder: Path) -> set[str]:
 
 
 def test_every_extra_is_tried_without() -> None:
-    for_developers = {"benchmarks", "build", "docs", "lint", "release", "test"}
+    for_developers = {"benchmarks", "build", "docs", "lint", "release", "test", "tracking"}
     assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
 
 
@@ -224,7 +234,7 @@ def test_make_takes_the_first_python_that_runs_and_is_new_enough(
 def test_every_extra_is_documented() -> None:
     page = (ROOT / "docs" / "install.md").read_text("utf-8")
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
-    for_developers = {"build", "docs", "lint", "release", "test"}
+    for_developers = {"build", "docs", "lint", "release", "test", "tracking"}
     assert documented == set(PROJECT["optional-dependencies"]) - for_developers
 
 

@@ -16,8 +16,8 @@ from worlds import arena
 from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
+from khepera_emulator.robot.khepera.robot import Robot
 from khepera_emulator.robot.periods import is_moving, run_periods
-from khepera_emulator.robot.robot import Robot
 from khepera_emulator.senses.camera import OmniCamera
 from khepera_emulator.world.solids import Brick, Disc
 from khepera_emulator.world.things import BODY_GROUP, RAY_GROUP

@@ -8,7 +8,7 @@ from math import cos, sin
 from typing import NamedTuple
 
 import pybullet
-from khepera_protocol.serial.units import CONTROL_PERIOD, PULSE
+from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose
 
 from khepera_emulator.body.hull import GROUND_CLEARANCE, HULL_COLOUR, MAST_HEIGHT, MAST_RADIUS
@@ -143,7 +143,7 @@ class RigidBody:
             return most, most
         # Of two equal robots that push each other, tyres slipping, the solver would let one win at
         # full speed. Motors that stall before, and are weaker the faster they turn, settle it.
-        top = self._model.motor.top_speed * PULSE / CONTROL_PERIOD
+        top = self._model.top_speed
         left, right = (
             most * _STALL * (1.0 - min(abs(speed) / top, 1.0) * (speed * wanted > 0.0))
             for speed, wanted in zip(ground_speed, ways, strict=True)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from functools import cached_property
 from heapq import merge
-from typing import Protocol
+from typing import Any, Protocol
 
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose
@@ -11,7 +11,7 @@ from khepera_protocol.zenoh.payloads import Pose
 from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.periods import is_moving, run_periods
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.rolling import Rolling
 from khepera_emulator.turrets.radio import RadioMedium
 from khepera_emulator.world.enclosure import Enclosure
 from khepera_emulator.world.floor_plan import Surroundings
@@ -28,10 +28,14 @@ class Member(Protocol):
     start_pose: Pose
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Any:
         """The robot, as its firmware finds it."""
 
-    def execute(self, line: bytes, moment: float) -> None:
+    @property
+    def radius(self) -> float:
+        """Of its body, in metres."""
+
+    def execute(self, line: Any, moment: float) -> None:
         """Carry out a request."""
 
     def put_anew(self, seed: int) -> None:
@@ -43,7 +47,7 @@ class Fleet:
 
     Args:
         arena: where they are.
-        radius: of their bodies, in metres.
+        radius: of the widest of their bodies, in metres.
         size: how many they will be.
         rigid: whether they are rigid bodies all the time; see `world.World`.
 
@@ -62,7 +66,7 @@ class Fleet:
         self._radius = radius
         self._shared, self._rigid = size > 1, rigid
         self.world = self._make_world()
-        self._robots: list[Robot] = []
+        self._robots: list[Rolling] = []
         self._power_time = 0.0
         self._ticks = 0
 
@@ -117,18 +121,23 @@ class Fleet:
         self._drive(until)
         self.now = until
 
-    def gap(self, own: Footprint | None = None) -> Gap:
-        """Return distances from a robot's body to the nearest thing, as everything stands now."""
+    def gap(self, radius: float, own: Footprint | None = None) -> Gap:
+        """Return distances from a robot's body to the nearest thing, as everything stands now.
+
+        Args:
+            radius: of that body.
+            own: that body, if it is in the world already.
+        """
         scene = self.world.scene(own)
-        return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+        return lambda pose: scene.clearance(pose.x, pose.y) - radius
 
     def gap_at_start(self, own: Member) -> Gap:
         """Return the same with all things, and all robots but one, where they start."""
-        starts = [each.start_pose for each in self.members if each is not own]
+        starts = [(each.start_pose, each.radius) for each in self.members if each is not own]
         movers: list[Footprint] = [footprint(part) for part in self._arena.object]
-        movers += [Disc(pose.x, pose.y, self._radius, 0.0) for pose in starts]
+        movers += [Disc(pose.x, pose.y, radius, 0.0) for pose, radius in starts]
         scene = Surroundings(self.world.plan, movers)
-        return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+        return lambda pose: scene.clearance(pose.x, pose.y) - own.radius
 
     @cached_property
     def enclosure(self) -> Enclosure:
@@ -145,6 +154,6 @@ class Fleet:
             run_periods(self.world, self._robots, due)
 
 
-def _numbered(number: int, member: Member, until: float) -> Iterator[tuple[float, int, bytes]]:
+def _numbered(number: int, member: Member, until: float) -> Iterator[tuple[float, int, Any]]:
     for moment, line in member.uart.requests(until):
         yield moment, number, line

@@ -50,7 +50,7 @@ from macor_hil.mind.eyes.eyes import FloorSeeing
 from macor_hil.mind.planners.destinations import Destination, destination
 from macor_hil.mind.planners.goal import Goal
 from macor_hil.mind.planners.planner import Aim, Plan, Planner
-from macor_hil.monitor.pictures import draw_way
+from macor_hil.monitor.pictures import draw_way, way_windows
 from macor_hil.runs.possible import Ways
 from macor_hil.runs.trials import Trial
 
@@ -162,6 +162,14 @@ class _Told:
             return None
         reached = bool(self._goal.reached(now.floor, now.sights))
         return Aim(self._goal.name, None, reached, not self._goal.along)
+
+
+def parts(settings: Settings) -> list[Settings]:
+    """Return the goals of each arena by themselves."""
+    return [
+        replace(settings, targets=tuple(one for one in settings.targets if one.arena == arena))
+        for arena in settings.arenas
+    ]
 
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
@@ -339,12 +347,13 @@ def _picture(target: Target) -> str:
 def _ways(outline: Outline, trials: Sequence[Trial]) -> Figure:
     columns = min(3, len(trials))
     lines = -(-len(trials) // columns)
-    figure = Figure(figsize=(3.4 * columns, 3.4 * lines), layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    figure = Figure(figsize=(3.6 * columns, 3.6 * lines), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    window, *_ = way_windows([(outline, one) for one in trials])
     for one, place in zip(trials, axes, strict=False):
-        draw_way(place, outline, one, width=0.8)
+        draw_way(place, outline, one, window)
         end = "collision" if one.collided else "no collision"
-        place.set_title(f"{one.length} commands, {end}", fontsize=10)
+        place.set_title(f"{one.length} commands,\n{end}")
     return figure
 
 
@@ -362,11 +371,17 @@ def tell(settings: Settings, results: Results) -> list[Element]:
         ),
         _table(settings, results),
         *(_compared(settings, results, each) for each in settings.targets if settings.compared),
-        *(
-            Picture(_picture(target), f"{target.name}: the first ways of the first robot.")
-            for target in settings.targets
-        ),
+        *(Picture(_picture(target), _caption(results, target)) for target in settings.targets),
     ]
+
+
+def _caption(results: Results, target: Target) -> str:
+    driven = _all({(first := next(iter(results))): results[first]}, target)[0]
+    shown = driven["trials"][f"{GOAL} 0"][:_DRAWN]
+    return (
+        f"{target.name}: the first {len(shown)} ways of the first robot, from the filled circle;"
+        f" {sum(one['reached'] for one in shown)} of them end at the goal."
+    )
 
 
 def _table(settings: Settings, results: Results) -> Table:
@@ -429,4 +444,5 @@ DESTINATIONS: Final = Experiment(
     quick=QUICK,
     rows=rows,
     drives=drives,
+    parts=parts,
 )
