@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 
 from emulator_process import free_endpoint
 from page import DOCS, report
+from rich.console import Console
 
 ROOT: Final = Path(__file__).parent.parent
 
@@ -192,13 +193,13 @@ def main() -> None:
     pythons = found(word for word in sys.argv[1:] if not word.startswith("-"))
     with TemporaryDirectory() as folder:
         wheel = build_wheel(Path(folder))
-        rows = [
-            try_python(python, wheel, Path(folder) / f"3.{minor}")
-            for minor, python in pythons.items()
-        ]
+        tries = [(python, f"3.{minor}", True) for minor, python in pythons.items()]
         if NEWEST not in pythons:
-            newest = pythons[max(pythons)]
-            rows.append(try_python(newest, wheel, Path(folder) / "without", physics=False))
+            tries.append((pythons[max(pythons)], "without", False))
+        rows = []
+        for python, name, physics in tries:
+            rows.append(try_python(python, wheel, Path(folder) / name, physics=physics))
+            Console().print(rows[-1])
     cells = [
         (
             *(row.python, row.physics, str(row.wheels), f"{row.install:.0f} s", f"`{row.arena}`"),
