@@ -13,10 +13,15 @@
 #   make docs             the documentation site, in build/site/VERSION (a few minutes)
 #   make man              man pages of both programs and their commands, in build/man
 #   make dist             source distribution and wheel, built and checked, in dist
+#   make pythons          the wheel on every CPython that is found, in environments of their own (minutes)
 #   make workflows        the forge's workflow files and forms, checked
 #   make stop-times       how long the robot rolls on when it must stop (an hour)
 
-PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
+# The first of these that runs and is new enough: a name alone may lead nowhere.
+ifndef PYTHON
+PYTHON := $(shell for each in python3.11 python3.12 python3.13 python3.14 python3 python; do \
+	"$$each" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>&- && echo "$$each" && break; done)
+endif
 VENV := .venv
 SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 BIN := $(VENV)/$(SCRIPTS)
@@ -33,7 +38,7 @@ COMMITS ?= HEAD^!
 VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 SITE ?= build/site
 
-.PHONY: run test test-long style lint hostile bench asv soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist workflows lock clean
+.PHONY: run test test-long style lint hostile bench asv soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist pythons workflows lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -98,6 +103,9 @@ dist: $(RELEASE_READY)
 	$(RELEASE_BIN)/python -m build --outdir dist
 	$(RELEASE_BIN)/twine check --strict dist/*
 
+pythons: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/pythons.py
+
 workflows: $(RELEASE_READY)
 	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
@@ -107,10 +115,8 @@ workflows: $(RELEASE_READY)
 	$(RELEASE_BIN)/zizmor --offline --quiet .github
 
 $(READY): requirements.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	@$(or $(PYTHON),false) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "CPython 3.11 or newer is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 14))' || \
-		echo "There is no wheel of PyBullet for this Python yet: pip builds it, which takes a compiler and ten minutes."
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .

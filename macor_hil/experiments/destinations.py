@@ -164,6 +164,14 @@ class _Told:
         return Aim(self._goal.name, None, reached, not self._goal.along)
 
 
+def parts(settings: Settings) -> list[Settings]:
+    """Return the goals of each arena by themselves."""
+    return [
+        replace(settings, targets=tuple(one for one in settings.targets if one.arena == arena))
+        for arena in settings.arenas
+    ]
+
+
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Train a robot in each arena, and drive it to every goal there."""
     driven: list[Result] = []
@@ -446,4 +454,5 @@ DESTINATIONS: Final = Experiment(
     quick=QUICK,
     rows=rows,
     drives=drives,
+    parts=parts,
 )

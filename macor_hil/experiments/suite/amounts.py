@@ -74,6 +74,11 @@ def drives(settings: Settings, arenas: Path) -> list[Drive]:
     return [replace(settings.drive, arena=place.file(arenas)) for place in settings.homes]
 
 
+def parts(settings: Settings) -> list[Settings]:
+    """Return each home by itself."""
+    return [replace(settings, homes=(home,)) for home in settings.homes]
+
+
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn with all amounts from the drives of a seed, and drive the trials."""
     driven: list[Result] = []
@@ -220,4 +225,5 @@ AMOUNTS: Final = Experiment(
     quick=QUICK,
     rows=rows,
     drives=drives,
+    parts=parts,
 )

@@ -133,6 +133,14 @@ def drives(settings: Settings, arenas: Path) -> list[Drive]:
     return homes + (_mixture(settings, arenas) if settings.unseen else [])
 
 
+def parts(settings: Settings) -> list[Settings]:
+    """Return each home by itself, and the mixture with all that is driven after it."""
+    homes = [replace(settings, homes=(home,), mixture=(), unseen=()) for home in settings.homes]
+    if not (settings.mixture and settings.unseen):
+        return homes
+    return [*homes, replace(settings, homes=(), lights=())]
+
+
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Train and drive all systems of a seed in all arenas."""
     files = recordings.arenas
@@ -315,4 +323,5 @@ ARENAS: Final = Experiment(
     quick=QUICK,
     rows=rows,
     drives=drives,
+    parts=parts,
 )
