@@ -34,7 +34,7 @@ def for_an_index(readme: str, source: str | None, tag: str) -> str:
             return f"{picture}[{text}]({source.rstrip('/')}/{kind}/{tag}/{path})"
         if picture:
             return f"*[Picture `{path}`: {text}]*"
-        return f"{text} (`{path}`)"
+        return f"{text} [`{path}`]"
 
     # code is shown as it is
     parts = _CODE.split(readme)

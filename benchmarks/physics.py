@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 import cv2
 import numpy as np
 from khepera_protocol.mirror import Mirror
+from khepera_protocol.palette import SERIES, drawing_style
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose
 from matplotlib.figure import Figure
@@ -201,18 +202,17 @@ def _difference(one: Image, other: Image) -> tuple[float, float]:
 
 
 def _draw_motion() -> None:
-    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
+    figure = Figure(figsize=(11.5, 5.0), layout="constrained")
     path, turn, gap = figure.subplots(1, 3)
     known = {course.name: course for course in COURSES}
     wall = known["against a wall at 60 degrees"]
     for rigid, style in ((False, {"lw": 3.5, "alpha": 0.5}), (True, {"lw": 1.2, "ls": "--"})):
-        label, colour = ("pybullet", "#d55e00") if rigid else ("auto", "#0072b2")
+        label, colour = ("pybullet", SERIES[1]) if rigid else ("auto", SERIES[0])
         arc, slide = drive(known["an arc"], rigid=rigid), drive(wall, rigid=rigid)
         path.plot(*(1e3 * arc.poses[:, :2].T), color=colour, label=label, **style)
         turn.plot(_times(slide), np.degrees(slide.poses[:, 2]), color=colour, **style)
-    colours = ("#000000", "#009e73", "#cc79a7", "#56b4e9")
     shown = ("an arc", "against a wall at 30 degrees", wall.name, "a box pushed")
-    for name, colour, line in zip(shown, colours, ("-", "--", "-.", ":"), strict=True):
+    for name, colour, line in zip(shown, SERIES[2:6], ("-", "--", "-.", ":"), strict=True):
         own, rigid_one = (drive(known[name], rigid=each) for each in (False, True))
         apart_by = 1e3 * np.hypot(*(own.poses - rigid_one.poses).T[:2])
         gap.plot(_times(own), apart_by, line, color=colour, label=name)
@@ -220,9 +220,8 @@ def _draw_motion() -> None:
     turn.set(title=wall.name, xlabel="seconds", ylabel="heading in degrees", ylim=(0, None))
     gap.set(title="auto and pybullet apart", xlabel="seconds", ylabel="mm", ylim=(0, None))
     path.legend(loc="center", frameon=False)
-    gap.set_ylim(top=1.6 * gap.get_ylim()[1])
-    gap.legend(frameon=False, fontsize=8, loc="upper right")
-    figure.savefig(PICTURES / "physics.png", dpi=90)
+    figure.legend(*gap.get_legend_handles_labels(), loc="outside lower right", ncols=2)
+    figure.savefig(PICTURES / "physics.png")
 
 
 def _times(driven: Driven) -> Array:
@@ -250,7 +249,8 @@ def main() -> None:
     report("Motion", courses, _motion_rows(), (PAGE, "motion"))
     arenas = ("arena", "own against fine", "PyBullet against fine", "own", "PyBullet")
     report("Pictures", arenas, _picture_rows(), (PAGE, "pictures"))
-    _draw_motion()
+    with drawing_style():
+        _draw_motion()
     _draw_pictures()
 
 

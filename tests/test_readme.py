@@ -83,7 +83,7 @@ def test_a_package_index_gets_absolute_links_at_the_tag() -> None:
 def test_without_an_address_pictures_are_told_and_files_are_named() -> None:
     shown = description().for_an_index(EXAMPLE, None, "v1.2.3")
     assert "*[Picture `docs/maze.png`: A maze]*" in shown
-    assert "how (`docs/maze.md#walls`)" in shown
+    assert "how [`docs/maze.md#walls`]" in shown
     for same in ("`x[i](j)`", "[there](https://a.org/b)", "rows[0](docs/maze.md)"):
         assert same in shown
 

@@ -2,9 +2,12 @@
 
 import json
 import math
+from contextlib import ExitStack
 from inspect import getmembers, isfunction
 from pathlib import Path
 
+import pytest
+from planning_speed import Planning
 from tracked.ratios import Medians, Ratios
 
 FOLDER = Path(__file__).parent.parent / "benchmarks"
@@ -70,3 +73,10 @@ def test_what_asv_is_told_is_there() -> None:
     assert all("/build/" in config[place] for place in ("env_dir", "results_dir", "html_dir"))
     # the same libraries for every commit
     assert "requirements.lock" in config["build_command"][0]
+
+
+@pytest.mark.long
+def test_the_greatest_map_of_the_benchmark_can_be_loaded() -> None:
+    with ExitStack() as stack:
+        found = Planning(stack).round()
+    assert all(seconds > 0.0 for seconds in found.values())

@@ -73,7 +73,7 @@ def over(unit: str) -> Callable[[Ratio], Ratio]:
 
 
 class Ratios:
-    """What is tracked: all of it is measured once a commit, and the ratios are taken from that."""
+    """Tracked ratios: all is measured once a commit, and the ratios are taken from that."""
 
     timeout = 900
     version = "1"

@@ -335,9 +335,15 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
     pictures = {}
     for target in settings.targets:
         (driven,) = _all({first: results[first]}, target)
-        trials = [trial_from_json(one) for one in driven["trials"][f"{GOAL} 0"][:_DRAWN]]
+        trials = [trial_from_json(one) for one in _shown(driven)]
         pictures[_picture(target)] = _ways(Outline.model_validate(driven["outline"]), trials)
     return pictures
+
+
+def _shown(driven: Result) -> list[Result]:
+    """Return the first trials that begin away from the goal."""
+    away = [one for one in driven["trials"][f"{GOAL} 0"] if one["r"]]
+    return away[:_DRAWN]
 
 
 def _picture(target: Target) -> str:
@@ -347,9 +353,13 @@ def _picture(target: Target) -> str:
 def _ways(outline: Outline, trials: Sequence[Trial]) -> Figure:
     columns = min(3, len(trials))
     lines = -(-len(trials) // columns)
-    figure = Figure(figsize=(3.6 * columns, 3.6 * lines), layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel()
     window, *_ = way_windows([(outline, one) for one in trials])
+    (x0, x1), (y0, y1) = window
+    height = 3.4 * (y1 - y0) / (x1 - x0) + 0.8
+    figure = Figure(figsize=(3.4 * columns + 0.6, height * lines + 0.4), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for place in axes[len(trials) :]:
+        place.set_axis_off()
     for one, place in zip(trials, axes, strict=False):
         draw_way(place, outline, one, window)
         end = "collision" if one.collided else "no collision"
@@ -377,7 +387,7 @@ def tell(settings: Settings, results: Results) -> list[Element]:
 
 def _caption(results: Results, target: Target) -> str:
     driven = _all({(first := next(iter(results))): results[first]}, target)[0]
-    shown = driven["trials"][f"{GOAL} 0"][:_DRAWN]
+    shown = _shown(driven)
     return (
         f"{target.name}: the first {len(shown)} ways of the first robot, from the filled circle;"
         f" {sum(one['reached'] for one in shown)} of them end at the goal."

@@ -1,4 +1,4 @@
-"""Things, robots, bulbs and low walls before the skyline, painted from far to near.
+"""The foreground: what stands or hangs before the skyline, drawn from far to near.
 
 In every column of the atlas a ray meets a shape, seen from above, over a stretch. An upright one
 shows its side there, between two rows, and its upper or lower face between the ends of the
