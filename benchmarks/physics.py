@@ -58,6 +58,7 @@ class Course(NamedTuple):
 _WALL: Final = {"wall": [{"points": [[0.105, -1.0], [0.105, 1.0]]}]}
 _BOX: Final = {"shape": "box", "centre": [0.10, 0.008], "size": [0.04, 0.04], "mass": 0.02}
 _AHEAD: Final = (Leg(5, 5, 5.0),)
+_LONG: Final = (Leg(5, 5, 10.0),)
 
 _MANY: Final = (Leg(20, 20, 2.0), Leg(5, 15, 2.0), Leg(-10, 10, 1.0), Leg(0, 0, 1.0))
 
@@ -67,8 +68,8 @@ COURSES: Final = (
     Course("two turns on the spot", (Leg(-5, 5, 8.3),), {}),
     Course("a start, a curve, a turn, a stop", _MANY, {}),
     Course("against a wall, head on", _AHEAD, _WALL),
-    Course("against a wall at 30 degrees", _AHEAD, _WALL, 30.0),
-    Course("against a wall at 60 degrees", _AHEAD, _WALL, 60.0),
+    Course("against a wall at 30 degrees", _LONG, _WALL, 30.0),
+    Course("against a wall at 60 degrees", _LONG, _WALL, 60.0),
     Course("a box pushed", _AHEAD, {"object": [_BOX]}),
 )
 
@@ -224,7 +225,7 @@ def _draw_motion() -> None:
 
 
 def _times(driven: Driven) -> Array:
-    return _STEP * np.arange(1, len(driven.poses) + 1)
+    return np.asarray(_STEP * np.arange(1, len(driven.poses) + 1), dtype=np.float64)
 
 
 def _draw_pictures(scale: int = 2) -> None:
@@ -233,7 +234,7 @@ def _draw_pictures(scale: int = 2) -> None:
         world = World(load_arena(name), rigid=True)
         pose = _views(world.arena)[2]
         own, _, fine = (_picture(world, each, pose) for each in _renderers(world))
-        rows.append([own, fine, cv2.absdiff(own, fine)])
+        rows.append([own, fine, np.asarray(cv2.absdiff(own, fine), dtype=np.uint8)])
         world.close()
     picture = np.vstack([np.hstack(row) for row in rows])
     size = picture.shape[1] * scale, picture.shape[0] * scale
@@ -244,10 +245,10 @@ def _draw_pictures(scale: int = 2) -> None:
 
 def main() -> None:
     """Measure, draw and print; `--write` puts the tables into the page, too."""
-    head = ("course", "way", "apart", "turned apart", "the box apart", "auto", "pybullet")
-    report("Motion", head, _motion_rows(), (PAGE, "motion"))
-    head = ("arena", "own against fine", "PyBullet against fine", "own", "PyBullet")
-    report("Pictures", head, _picture_rows(), (PAGE, "pictures"))
+    courses = ("course", "way", "apart", "turned apart", "the box apart", "auto", "pybullet")
+    report("Motion", courses, _motion_rows(), (PAGE, "motion"))
+    arenas = ("arena", "own against fine", "PyBullet against fine", "own", "PyBullet")
+    report("Pictures", arenas, _picture_rows(), (PAGE, "pictures"))
     with drawing_style():
         _draw_motion()
     _draw_pictures()

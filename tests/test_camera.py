@@ -11,6 +11,7 @@ import pytest
 from as_type import not_none
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Pose, WheelDrift
+from worlds import arena
 
 from khepera_emulator.arenas.arena import Arena, load_arena
 from khepera_emulator.body.chassis import Chassis
@@ -343,6 +344,26 @@ def test_all_that_stands_before_the_walls_is_drawn_as_by_pybullet(
     assert np.mean(difference > 4) < 0.13
     assert np.mean(difference > 30) < 0.04
     assert np.mean(difference > 60) < 0.01
+
+
+@pytest.mark.parametrize("side", [0.0, 90.0, 200.0])
+def test_the_light_on_a_ball_is_as_in_pybullet(side: float) -> None:
+    place = [0.12 * np.cos(np.radians(side)), 0.12 * np.sin(np.radians(side))]
+    ball = {"shape": "ball", "centre": place, "radius": 0.05, "colour": [1.0, 0.0, 0.0]}
+    made = World(arena(object=[ball]))
+    drawn = [
+        OmniCamera(made, np.random.default_rng(0), noise=0.0, renderer=renderer)
+        .mirror_image(pose())
+        .astype(int)
+        for renderer in (layered(made), faces(made, 192))
+    ]
+    made.close()
+    on_both = np.all([picture[:, :, 1] == 0 for picture in drawn], axis=0)
+    on_both &= drawn[0][:, :, 2] > 0
+    reds = [picture[on_both][:, 2] for picture in drawn]
+    assert len(reds[0]) > 300
+    assert np.ptp(reds[1]) > 40
+    assert np.mean(np.abs(reds[0] - reds[1])) < 8
 
 
 @pytest.mark.parametrize("with_numpy", [True, False])

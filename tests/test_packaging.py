@@ -14,6 +14,7 @@ from email import message_from_bytes
 from pathlib import Path
 
 import pytest
+import pythons
 from as_type import not_none
 from emulator_process import PATIENCE
 from packaging.requirements import Requirement
@@ -177,6 +178,57 @@ def test_every_python_gets_the_pybullet_that_there_is_a_wheel_of(
         ]
         # the advice where it is missing is to install the extra, or says that there is none
         assert bool(names) == (minor < 14 and (system, processor) in WHEELS)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_every_python_that_is_found_takes_the_wheel_and_asks_for_a_picture(tmp_path: Path) -> None:
+    wheel = pythons.build_wheel(tmp_path)
+    tests = ("test_motors.py", "test_without_pybullet.py")
+    found = pythons.found()
+    assert sys.version_info[1] in found
+    for minor, python in found.items():
+        row = pythons.try_python(python, wheel, tmp_path / str(minor), tests)
+        assert row.python.startswith(f"3.{minor}.")
+        assert row.arena == ("corridor" if row.physics == "none" else "toys")
+        assert " passed" in row.tests
+
+
+STUBS = {
+    "leads nowhere": "exit 127",
+    "too old": "exit 1",
+    "new enough": "exit 0",
+}
+"""Interpreters that answer whether they are new enough, as scripts."""
+
+
+@pytest.mark.parametrize(
+    ("there", "taken"),
+    [
+        ({"python3.11": "new enough", "python3.13": "new enough"}, "python3.11"),
+        ({"python3.11": "leads nowhere", "python3.12": "new enough"}, "python3.12"),
+        ({"python3.14": "new enough", "python3": "new enough"}, "python3.14"),
+        ({"python3": "too old", "python": "new enough"}, "python"),
+        ({"python3": "too old"}, ""),
+        ({}, ""),
+    ],
+)
+def test_make_takes_the_first_python_that_runs_and_is_new_enough(
+    there: dict[str, str], taken: str, tmp_path: Path
+) -> None:
+    for name, kind in there.items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{STUBS[kind]}\n")
+        (tmp_path / name).chmod(0o755)
+    make = not_none(shutil.which("make"))
+    told = subprocess.run(
+        [make, "--eval", "told: ; @echo '$(PYTHON)';", "told"],
+        cwd=ROOT,
+        env={"PATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert told.stdout.strip() == taken
 
 
 def test_every_extra_is_documented() -> None:

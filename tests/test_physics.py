@@ -4,9 +4,7 @@ from math import degrees
 from typing import Any
 
 import pytest
-import serial
-
-import khepera_emulator  # noqa: F401 - registers khepera://
+from in_process import open_robot
 
 pytestmark = pytest.mark.pybullet
 physics = pytest.importorskip("physics", exc_type=ImportError)
@@ -41,7 +39,7 @@ def test_both_ways_of_moving_agree(course: Any) -> None:
 
 def test_a_robot_is_a_rigid_body_where_nothing_can_be_pushed() -> None:
     for text, rigid in (("auto", False), ("pybullet", True)):
-        with serial.serial_for_url(f"khepera://corridor?physics={text}", timeout=1) as port:
+        with open_robot(f"khepera://corridor?physics={text}", timeout=1) as port:
             chassis = port.emulator.robot.chassis
             assert (chassis.rigid is not None) == rigid
             port.write(b"D,5,5\n")

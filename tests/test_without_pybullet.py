@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 import serial
+from in_process import open_robot
 from khepera_protocol.zenoh.payloads import Reset
 from other_system import train_and_drive
 
 import khepera_emulator
+from khepera_emulator.errors import EmulatorError
 from khepera_emulator.world import bullet
 
 NEEDY = {
@@ -48,7 +50,7 @@ def test_these_modules_import_it() -> None:
 
 @pytest.mark.parametrize("arena", ["corridor", "lamp-room"])
 def test_a_robot_drives_and_sees(arena: str) -> None:
-    with serial.serial_for_url(f"khepera://{arena}?seed=1", timeout=1) as port:
+    with open_robot(f"khepera://{arena}?seed=1", timeout=1) as port:
         port.write(b"D,20,20\n")
         assert port.readline() == b"d\r\n"
         port.emulator.advance(10.0)
@@ -63,7 +65,7 @@ def test_a_robot_drives_and_sees(arena: str) -> None:
 @pytest.mark.parametrize("url", NEEDY)
 def test_what_can_be_pushed_says_in_a_sentence_what_is_missing(url: str) -> None:
     with pytest.raises(serial.SerialException) as said:
-        serial.serial_for_url(f"khepera://{url}")
+        open_robot(f"khepera://{url}")
     sentence = f"khepera://{url}: {NEEDY[url]}, for which PyBullet is missing; "
     assert str(said.value).startswith(sentence)
     assert str(said.value).removeprefix(sentence)
@@ -92,7 +94,7 @@ def test_the_advice_is_one_that_helps(
     monkeypatch.setattr(sys, "version_info", Version(*version))
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setattr(bullet, "machine", lambda: processor)
-    with pytest.raises(bullet.EmulatorError) as said:
+    with pytest.raises(EmulatorError) as said:
         bullet.load_physics("the arena has things to push")
     assert ("install the extra 'emulator'" in str(said.value)) == has_one
     assert (f"there is none for CPython 3.{version[1]} on" in str(said.value)) != has_one
