@@ -183,8 +183,8 @@ class Soak:
         ends = ", ".join(f"{count} x {what}" for what, count in sorted(self._ends.items()))
         befell = ", ".join(f"{count} x {what}" for what, count in sorted(self._befell.items()))
         return (
-            f"{self._controller.steps()} decisions, {self._lost} failures got over (each costs a"
-            f" decision) in runs that ended: {ends}. Beside the faults of the line there were:"
+            f"{self._controller.steps()} decisions, recovered from {self._lost} failures (each costs"
+            f" a decision) in runs that ended: {ends}. Beside the faults of the line there were:"
             f" {befell}.\n\n{table(head, rows)}"
         )
 
