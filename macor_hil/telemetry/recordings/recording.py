@@ -1,14 +1,12 @@
 """Recordings: the events of a robot as an MCAP file, which other tools open, too.
 
-Samples are kept as they came, under their keys as topics: JSON with its schema, pictures as
-`foxglove.CompressedImage`. A message's log time is when it came, its publish time is the stamp's,
-on the robot's clock. Beside them stands what Foxglove draws by itself; see `telemetry.foxglove`.
+They are kept as `telemetry.viewers.topics` tells them. A message's log time is when it came, its
+publish time is the stamp's, on the robot's clock.
 
 Chunks are small and go to the file at once: a recorder that is killed loses the last one, and what
 was written before can be read. Needs the extra 'recording'.
 """
 
-import json
 import logging
 import os
 import re
@@ -21,19 +19,15 @@ from typing import Final, Self
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
-from google.protobuf.message import Message as Protobuf
-from khepera_protocol.zenoh.keys import ALIVE, KEYS_BY_PLACE, Key, schema_name
-from khepera_protocol.zenoh.payload_model import Payload
+from khepera_protocol.zenoh.keys import ALIVE, KEYS_BY_PLACE
 from khepera_protocol.zenoh.payloads import Stamp
-from khepera_protocol.zenoh.schema import schema_of
 from mcap.writer import CompressionType, Writer
-from mcap_protobuf.schema import register_schema
 
 from macor_hil.errors import RecordingError
 from macor_hil.files import MIB, InputError, open_regular
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.recordings.foxglove import drawings
 from macor_hil.telemetry.recordings.mcap_file import Damage, Message, read_messages
+from macor_hil.telemetry.viewers.topics import Alive, Told, Topics
 
 _CHUNK: Final = 16 * 1024
 """Bytes in a chunk at most, but for a larger sample: what a killed recorder loses."""
@@ -56,12 +50,6 @@ _RATIO: Final = 256
 _MOST_MEMORY: Final = 2048 * MIB
 
 
-class Alive(Payload):
-    """The presence of a side; in recordings only, for its liveliness token."""
-
-    alive: bool
-
-
 class Recorder:
     """A writer of events to a file; use as a context.
 
@@ -79,7 +67,7 @@ class Recorder:
     def __init__(self, path: Path, robot: str) -> None:
         self.samples = 0
         self._path = path
-        self._robot = robot
+        self._topics = Topics(robot)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         try:
@@ -124,69 +112,30 @@ class Recorder:
             RecordingError: the disk is full, or gone.
         """
         try:
-            if isinstance(event, Presence):
-                self._json(ALIVE[event.side], Alive(alive=event.alive), event.received)
-            else:
-                self._sample(event)
-                self.samples += 1
-            for topic, message in drawings(event):
-                self._protobuf(f"foxglove/{self._robot}/{topic}", message, event.received)
+            for told in self._topics.tell(event):
+                self._writer.add_message(
+                    self._channel(told),
+                    log_time=told.time,
+                    data=told.data,
+                    publish_time=told.published,
+                    sequence=told.sequence,
+                )
             self._file.flush()  # what is whole is the system's, whatever becomes of this process
         except OSError as error:
             raise self._failed(error) from None
+        self.samples += isinstance(event, Arrival)
 
-    def _sample(self, arrival: Arrival) -> None:
-        key = KEYS_BY_PLACE[arrival.side, arrival.leaf]
-        topic = key.of(self._robot)
-        if key.payload:
-            channel = self._json_channel(topic, arrival.side, key.payload)
-            data = arrival.data
-        else:
-            picture = CompressedImage(
-                frame_id="camera", data=arrival.data, format=arrival.encoding.partition("/")[2]
+    def _channel(self, told: Told) -> int:
+        if told.topic not in self._channels:
+            form = told.form
+            if form.name not in self._schemas:
+                self._schemas[form.name] = self._writer.register_schema(
+                    form.name, form.schema_encoding, form.schema
+                )
+            self._channels[told.topic] = self._writer.register_channel(
+                told.topic, form.encoding, self._schemas[form.name]
             )
-            picture.timestamp.FromNanoseconds(arrival.received)
-            channel = self._protobuf_channel(topic, picture)
-            data = picture.SerializeToString()
-        self._add(channel, data, arrival.received, arrival.stamp)
-
-    def _json(self, key: Key, payload: Payload, received: int) -> None:
-        channel = self._json_channel(key.of(self._robot), key.side, type(payload))
-        self._add(channel, payload.model_dump_json().encode(), received, None)
-
-    def _protobuf(self, topic: str, message: Protobuf, received: int) -> None:
-        channel = self._protobuf_channel(topic, message)
-        self._add(channel, message.SerializeToString(), received, None)
-
-    def _add(self, channel: int, data: bytes, received: int, stamp: Stamp | None) -> None:
-        self._writer.add_message(
-            channel,
-            log_time=received,
-            data=data,
-            publish_time=max(0, round(stamp.time * _SECOND)) if stamp else received,
-            sequence=stamp.sequence if stamp else 0,
-        )
-
-    def _json_channel(self, topic: str, side: str, payload: type[Payload]) -> int:
-        if topic not in self._channels:
-            name = schema_name(side, payload)
-            if name not in self._schemas:
-                schema = json.dumps(schema_of(payload)).encode()
-                self._schemas[name] = self._writer.register_schema(name, "jsonschema", schema)
-            self._channels[topic] = self._writer.register_channel(
-                topic, "json", self._schemas[name]
-            )
-        return self._channels[topic]
-
-    def _protobuf_channel(self, topic: str, message: Protobuf) -> int:
-        if topic not in self._channels:
-            name = message.DESCRIPTOR.full_name
-            if name not in self._schemas:
-                self._schemas[name] = register_schema(self._writer, type(message))
-            self._channels[topic] = self._writer.register_channel(
-                topic, "protobuf", self._schemas[name]
-            )
-        return self._channels[topic]
+        return self._channels[told.topic]
 
     def _close(self) -> None:
         with suppress(OSError):  # there is no room for what is left
