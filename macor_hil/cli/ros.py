@@ -18,6 +18,11 @@ class RosOptions(WatchOptions):
     domain: Annotated[int, Cli(envvar="ROS_DOMAIN_ID")] = Field(
         default=0, description="ROS domain."
     )
+    frame_prefix: str = Field(
+        default="",
+        pattern=r"^[A-Za-z0-9_/]*$",
+        description="Before the names of the robot's frames, such as khepera1/, for several.",
+    )
 
 
 @app.command(epilog="[cyan]macor-hil ros2 --domain 7 --connect tcp/127.0.0.1:7448[/cyan]")
@@ -29,4 +34,10 @@ def ros2(options: RosOptions) -> None:
     """
     with extra("ros"):
         from macor_hil.telemetry.ros2.bridge import bridge
-    bridge(options.robot, options.connect, options.domain, options.zenoh_config)
+    bridge(
+        options.robot,
+        options.connect,
+        options.domain,
+        options.zenoh_config,
+        options.frame_prefix,
+    )

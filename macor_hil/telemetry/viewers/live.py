@@ -64,6 +64,7 @@ class _Channels(ServerListener):
         self.context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
         self._latest: dict[str, Told] = {}
+        self._now = 0
 
     def log(self, told: Told) -> None:
         """Tell a message to all who have subscribed to its topic."""
@@ -79,12 +80,14 @@ class _Channels(ServerListener):
             self._channels[told.topic] = channel
         if told.topic.rpartition("/")[2] in _LASTING:
             self._latest[told.topic] = told
+        self._now = told.time
         channel.log(told.data, log_time=told.time)
 
     def on_subscribe(self, _: Client, channel: ChannelView) -> None:
         """Tell again what lasts; in a thread of the library."""
         if told := self._latest.get(channel.topic):
-            self._channels[told.topic].log(told.data, log_time=told.time)
+            # as of now: to a viewer, what is old comes from another recording
+            self._channels[told.topic].log(told.data, log_time=self._now)
 
 
 @contextmanager

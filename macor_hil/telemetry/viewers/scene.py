@@ -6,7 +6,7 @@ in time needs the latest one of each topic alone.
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import cos, hypot, radians, sin
 from typing import Any, Final
 
@@ -29,6 +29,7 @@ from khepera_protocol.zenoh.payloads import Outline, Pose, Solid, Truth, Wire
 from macor_hil.telemetry.feed import Arrival, Event
 from macor_hil.telemetry.viewers.distances import FARTHEST, distance
 from macor_hil.telemetry.viewers.frames import HERE, Whereabouts
+from macor_hil.telemetry.viewers.wire_lines import WireLine, WireLines
 
 ARENA: Final = "arena"
 ODOMETRY: Final = "odometry"
@@ -49,11 +50,6 @@ _STEP: Final = 0.01
 _WAY: Final = 500
 """Points of it that are drawn: the last five metres."""
 
-_SAID: Final = ("request", "reply")
-"""Events on the line that are text of robot and client."""
-
-_LONGEST_LINE: Final = 200
-
 _Colour = tuple[float, float, float, float]
 _BEST: Final = (1.0, 0.45, 0.0, 1.0)
 _OTHER: Final = (0.15, 0.45, 0.9, 0.7)
@@ -69,7 +65,7 @@ class Scene:
 
     def __init__(self) -> None:
         self._where = Whereabouts()
-        self._lines = _Lines()
+        self._lines = WireLines()
         self._radius = BODY_RADIUS
         self._way: deque[Pose] = deque(maxlen=_WAY)
 
@@ -94,7 +90,7 @@ class Scene:
                 for entity in message.entities:
                     entity.timestamp.FromNanoseconds(now)
             else:
-                message.timestamp.FromNanoseconds(now)  # type: ignore[attr-defined]
+                message.timestamp.FromNanoseconds(now)
             yield topic, message
 
     def _drawn(self, payload: Payload) -> Iterator[tuple[str, Message]]:
@@ -121,7 +117,7 @@ class Scene:
                 if where.truth is None:
                     yield from self._driven(where.odometry)
             case Wire():
-                for message in self._lines.logs(payload):
+                for message in _logs(self._lines.take(payload)):
                     yield "wire", message
             case Learned():
                 where.learn(payload)
@@ -273,19 +269,7 @@ def _paint(part: Color, colour: _Colour) -> None:
     part.r, part.g, part.b, part.a = colour
 
 
-class _Lines:
-    """Puts the pieces of what passes on a serial line together to lines, each way."""
-
-    def __init__(self) -> None:
-        self._begun: dict[str, str] = {}
-
-    def logs(self, wire: Wire) -> Iterator[Log]:
-        """Yield the lines that have come to their end, and all that is not said on the line."""
-        for entry in wire.entries:
-            if entry.what not in _SAID:
-                yield Log(level=Log.WARNING, name=entry.what, message=printable(entry.text))
-                continue
-            *lines, rest = (self._begun.get(entry.what, "") + entry.text).split("\n")
-            self._begun[entry.what] = rest[-_LONGEST_LINE:]
-            for line in lines:
-                yield Log(level=Log.INFO, name=entry.what, message=printable(line.rstrip("\r")))
+def _logs(lines: Iterable[WireLine]) -> Iterator[Log]:
+    for line in lines:
+        level = Log.INFO if line.said else Log.WARNING
+        yield Log(level=level, name=line.what, message=printable(line.text))
