@@ -56,7 +56,8 @@ def decision_markers(
     words.text = printable(
         f"{decision.sequence}: {decision.command}{' COLLISION' if decision.collided else ''}", 100
     )
-    return ros.visualization_msgs__msg__MarkerArray([*markers, words])
+    markers.append(words)
+    return ros.visualization_msgs__msg__MarkerArray(markers)
 
 
 def arena_markers(
