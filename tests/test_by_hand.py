@@ -1,17 +1,24 @@
 """A drive by keys on a terminal: what it does, what is learned from it, and every way out of it."""
 
+import os
 import re
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from drives import MACOR_HIL, SLOW, STATUSES, WAYS_OUT, Drive
-from emulator_process import PATIENCE
+from emulator_process import PATIENCE, free_endpoint
 from rig import RELAYED, Rig, rig
 
+from macor_hil.errors import MacorError
+from macor_hil.mind.catalogue import build_brain
 from macor_hil.runs.by_hand.keyboard import Key, keys_of
-from macor_hil.telemetry.recordings.recording import read_recording
+from macor_hil.runs.by_hand.options import TeleopOptions
+from macor_hil.runs.by_hand.teleop import teleop as teleop_in_process
+from macor_hil.runs.recorded_drives import learn
+from macor_hil.telemetry.recordings.recording import play_recording, read_recording
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.stop_key import ask_to_stop
 
@@ -69,6 +76,7 @@ def teleop(bench: Rig, *more: str) -> Drive:
     return drive
 
 
+@pytest.mark.long
 @pytest.mark.wall_clock
 def test_a_drive_by_keys_trains_a_map_that_drives(bench: Rig, tmp_path: Path) -> None:
     recording, learned = tmp_path / "hand.mcap", tmp_path / "learned.npz"
@@ -103,6 +111,30 @@ def test_a_drive_by_keys_trains_a_map_that_drives(bench: Rig, tmp_path: Path) ->
     assert re.search(r"\d commands, reinforcement", run.stdout)
 
 
+def test_a_drive_in_virtual_time_trains_a_map(tmp_path: Path) -> None:
+    """The same in one process: each key is pressed when the one before has been carried out."""
+    master, terminal = os.openpty()
+    keys = iter("wadqwswex")
+
+    def press(_: str) -> None:
+        os.write(master, next(keys).encode())
+
+    recording, endpoint = tmp_path / "hand.mcap", free_endpoint()
+    options = TeleopOptions(
+        port="khepera://open-box?seed=1", record=recording, listen=(endpoint,), connect=()
+    )
+    try:
+        report = teleop_in_process(options, terminal, press)
+    finally:
+        os.close(terminal)
+        os.close(master)
+    assert (report.commands, report.signal) == (5, "")
+    brain = build_brain()
+    events = play_recording(recording)[1]
+    assert learn(brain, [events], np.random.default_rng(1)) == 5
+    assert brain.transitions > 0
+
+
 ENDS: dict[str, tuple[Callable[[Drive], None], int]] = {
     **{name: (end, STATUSES[name]) for name, end in WAYS_OUT.items()},
     "the key Ctrl-C": (lambda drive: drive.answer(b"\x03"), 130),
@@ -112,7 +144,13 @@ ENDS: dict[str, tuple[Callable[[Drive], None], int]] = {
 
 
 @pytest.mark.wall_clock
-@pytest.mark.parametrize("way", ENDS)
+@pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param(way, marks=() if way in ("terminal closed", "x") else pytest.mark.long)
+        for way in ENDS
+    ],
+)
 def test_every_way_out_stops_the_robot(bench: Rig, way: str) -> None:
     end, status = ENDS[way]
     drives: list[Drive] = []
@@ -152,6 +190,7 @@ def test_the_stop_keys_of_terminal_and_network_stop_the_robot(bench: Rig) -> Non
     drive.wait_for(b"ended by the stop key; 0 commands; the robot stands")
 
 
+@pytest.mark.long
 @pytest.mark.wall_clock
 def test_a_failing_camera_stops_a_drive_by_hand(bench: Rig) -> None:
     drives: list[Drive] = []
@@ -169,6 +208,7 @@ def test_a_failing_camera_stops_a_drive_by_hand(bench: Rig) -> None:
     drives[-1].wait_for(b"no picture")
 
 
+@pytest.mark.long
 @pytest.mark.wall_clock
 def test_at_a_wall_only_the_way_back_is_driven(bench: Rig) -> None:
     drive = teleop(bench, "--infrared", "1")
@@ -183,7 +223,11 @@ def test_at_a_wall_only_the_way_back_is_driven(bench: Rig) -> None:
     drive.wait_for(b"1 commands; the robot stands")
 
 
-def test_without_a_terminal_nothing_is_driven(tmp_path: Path) -> None:
-    done = macor_hil("teleop", "--listen", "tcp/127.0.0.1:0", folder=tmp_path)
-    assert done.returncode == 2
-    assert "read from a terminal" in done.stderr
+def test_without_a_terminal_nothing_is_driven() -> None:
+    reading, writing = os.pipe()
+    try:
+        with pytest.raises(MacorError, match="read from a terminal"):
+            teleop_in_process(TeleopOptions(), reading, print)
+    finally:
+        os.close(reading)
+        os.close(writing)

@@ -14,9 +14,7 @@ from macor_hil.runs.by_hand.teleop import teleop as drive_by_keys
 app = typer.Typer()
 
 
-@app.command(
-    epilog="[cyan]macor-hil teleop --port runs/khepera --record runs/hand.mcap[/cyan]"
-)
+@app.command(epilog="[cyan]macor-hil teleop --port runs/khepera --record runs/hand.mcap[/cyan]")
 @takes(TeleopOptions)
 def teleop(options: TeleopOptions) -> None:
     """Drive a robot by the keys of this terminal, and record the drive.

@@ -7,6 +7,7 @@ command has ended; of several the last one counts. A robot without keys stands.
 What is told can be recorded and learned from (`recorded_drives`): a drive is as good as any.
 """
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
 
 _REST: Final = 0.3
 """Seconds within which the last samples of a drive come to its recording."""
+
+_PATIENCE: Final = 2.0
+"""Seconds that a recording may take to be there for pictures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +91,8 @@ def teleop(options: TeleopOptions, terminal: int, say: Callable[[str], None]) ->
                 name=options.robot,
             ) as hardware,
         ):
+            if recorder:
+                _wait_until_heard(publisher, recorder)
             camera = CheckedCamera(hardware.camera, limits_for(mirror))
             teller = Teller(publisher, options, settings.wheels, mirror)
             with (
@@ -147,6 +153,13 @@ def _recording(options: TeleopOptions, session: zenoh.Session) -> Iterator["Live
         LiveRecorder(session, options.robot, options.record) as recorder,
     ):
         yield recorder
+
+
+def _wait_until_heard(publisher: Publisher, recorder: "LiveRecorder") -> None:
+    """Wait, for a while, until the recording gets pictures: nobody takes them before."""
+    end = time.monotonic() + _PATIENCE
+    while not publisher.seen and time.monotonic() < end:
+        recorder.take(_REST / 10)
 
 
 def _stop_key(

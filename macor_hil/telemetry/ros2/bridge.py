@@ -5,21 +5,23 @@ It is a process of its own, so that nothing of it is in the controller's loop.
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable
 from contextlib import ExitStack
-from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import zenoh
+from khepera_protocol.zenoh.keys import WIRE
 from khepera_protocol.zenoh.payload_model import PayloadError
 
 from macor_hil.errors import TelemetryError, WrongPictureError
-from macor_hil.telemetry.feed import Arrival, Feed, Loss, NotTaken, Refusal
+from macor_hil.hardware.odometry import Wheels
+from macor_hil.telemetry.feed import Arrival, Event, Feed, Loss, NotTaken, Refusal
 from macor_hil.telemetry.ros2.messages import Frames
 from macor_hil.telemetry.ros2.node import RosNode
 from macor_hil.telemetry.ros2.rmw_zenoh import namespace_of
-from macor_hil.telemetry.ros2.topics import KINDS, RosTopics, topic
-from macor_hil.telemetry.session import open_session
+from macor_hil.telemetry.ros2.topics import COMMAND, KINDS, RosTopics, topic
+from macor_hil.telemetry.ros2.twists import Twists
+from macor_hil.telemetry.viewers.wire_lines import Readings
 
 NODE: Final = "macor"
 """Name of the ROS node."""
@@ -30,29 +32,19 @@ _LOOK: Final = 0.2
 _log = logging.getLogger(__name__)
 
 
-def bridge(
-    robot: str,
-    connect: Sequence[str],
-    domain: int = 0,
-    config: Path | None = None,
-    frame_prefix: str = "",
-) -> None:
+def bridge(session: zenoh.Session, robot: str, domain: int, frames: Frames) -> None:
     """Publish what is told of a robot as ROS 2 topics, until Ctrl-C; all may come and go.
 
     Args:
+        session: an open session with emulator, controller and the ROS nodes or their router.
         robot: the robot's name in Zenoh keys; also the namespace of the topics.
-        connect: Zenoh endpoints of emulator and controller, and of the ROS nodes or their router.
         domain: ROS_DOMAIN_ID, 0 to 232.
-        config: a configuration file of Zenoh, which then counts instead of `connect`.
-        frame_prefix: before the names of the robot's frames.
+        frames: names of the robot's frames.
 
     Raises:
-        TelemetryError: the name, the domain, an endpoint or the file cannot be used.
+        TelemetryError: the name or the domain cannot be used.
     """
-    with (
-        open_session([], connect, config) as session,
-        Bridge(session, robot, domain, Frames(frame_prefix)) as running,
-    ):
+    with Bridge(session, robot, domain, frames) as running:
         try:
             while True:
                 running.forward()
@@ -68,22 +60,36 @@ class Bridge:
         robot: its name in the keys.
         domain: ROS_DOMAIN_ID.
         frames: names of the robot's frames.
+        twists: takes what moves the robot, where ROS does that: its own readings are then told
+            by `sense`, not by what watchers hear of its line.
+        wheels: of the robot then.
 
     Raises:
         TelemetryError: the name cannot be part of a key, or there is no such domain.
     """
 
     def __init__(
-        self, session: zenoh.Session, robot: str, domain: int = 0, frames: Frames | None = None
+        self,
+        session: zenoh.Session,
+        robot: str,
+        domain: int = 0,
+        frames: Frames | None = None,
+        twists: Twists | None = None,
+        wheels: Wheels | None = None,
     ) -> None:
-        self._topics = RosTopics(robot, frames or Frames())
+        self._topics = RosTopics(robot, frames or Frames(), wheels or Wheels())
+        self._driven = twists is not None
         self._not_taken = NotTaken()
         self._said = 0
         with ExitStack() as stack:
             self._feed = stack.enter_context(Feed(session, robot, camera=True))
             namespace = namespace_of(robot)
-            topics = {name: topic(name, namespace) for name in KINDS}
-            self._node = stack.enter_context(RosNode(session, namespace, NODE, domain, topics))
+            topics = {
+                name: topic(name, namespace) for name in KINDS if twists is None or name != COMMAND
+            }
+            heard = twists.heard() if twists else ()
+            node = RosNode(session, namespace, NODE, domain, topics, heard)
+            self._node = stack.enter_context(node)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -92,22 +98,44 @@ class Bridge:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def forward(self, timeout: float = _LOOK) -> None:
-        """Wait for an event and forward it; what cannot be read is counted and logged."""
+    def forward(self, timeout: float = _LOOK) -> bool:
+        """Wait for an event and forward it; what cannot be read is counted and logged.
+
+        Returns:
+            Whether one came.
+        """
         event = self._feed.get(timeout)
-        if event is None:
-            return
         if isinstance(event, Refusal | Loss):
             self._leave_out(event)
+        elif event is not None:
+            self._tell(event)
+        return event is not None
+
+    def _tell(self, event: Event) -> None:
+        if self._driven and isinstance(event, Arrival) and event.leaf == WIRE.leaf:
             return
         # the wall clock of other nodes, as it is now: this one's own does not follow its changes
         now = time.time_ns() - (self._feed.clock() - event.received)
         try:
-            for name, message in self._topics.tell(event, now, self._not_taken.words()):
-                self._node.publish(name, message)
+            self._publish(self._topics.tell(event, now, self._not_taken.words()))
         except (PayloadError, TelemetryError, WrongPictureError) as error:
             leaf = event.leaf if isinstance(event, Arrival) else ""
             self._leave_out(Refusal(leaf, str(error), event.received))
+
+    def sense(self, letter: str, readings: Readings, when: float) -> None:
+        """Tell the robot's own readings.
+
+        Args:
+            letter: of the reply that told one.
+            readings: all of them.
+            when: seconds on the robot's clock.
+        """
+        self._publish(self._topics.sense(letter, readings, when, time.time_ns()))
+
+    def _publish(self, messages: Iterable[tuple[str, Any]]) -> None:
+        for name, message in messages:
+            if name != COMMAND or not self._driven:
+                self._node.publish(name, message)
 
     def _leave_out(self, what: Refusal | Loss) -> None:
         """Count what is not forwarded, and say so when the count has doubled."""

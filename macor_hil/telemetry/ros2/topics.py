@@ -15,7 +15,7 @@ from khepera_protocol.zenoh.payloads import Outline, Truth, Wire
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from macor_hil.hardware.cameras.decoding import check_picture, decode_picture
-from macor_hil.hardware.odometry import integrate
+from macor_hil.hardware.odometry import Wheels, integrate
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.ros2 import moving, sensing, telling
 from macor_hil.telemetry.ros2.messages import Frames, topic_of
@@ -74,10 +74,12 @@ class RosTopics:
     Args:
         robot: its name in the keys.
         frames: names of its frames.
+        wheels: that counts on the line are counted with.
     """
 
     robot: str
     frames: Frames = field(default_factory=Frames)
+    wheels: Wheels = field(default_factory=Wheels)
 
     def __post_init__(self) -> None:
         self._where = Whereabouts()
@@ -151,7 +153,8 @@ class RosTopics:
                 for line in self._lines.take(payload):
                     letter = self._readings.take(line)
                     if not self._controlled or letter == "i":
-                        yield from self._sense(letter, payload, now)
+                        when = payload.entries[-1].time
+                        yield from self.sense(letter, self._readings, when, now)
 
     def _decide(self, decision: Decision, now: int) -> Iterator[Told]:
         self._where.decide(decision)
@@ -166,9 +169,15 @@ class RosTopics:
         yield PLAN, moving.path(best, now, self.frames)
         yield MARKERS, telling.decision_markers(decision, ways, now, self.frames)
 
-    def _sense(self, letter: str, wire: Wire, now: int) -> Iterator[Told]:
-        """Yield what a reply on the line tells, where no controller does."""
-        readings = self._readings
+    def sense(self, letter: str, readings: Readings, when: float, now: int) -> Iterator[Told]:
+        """Yield what a reply on the line tells.
+
+        Args:
+            letter: of the reply.
+            readings: the robot's, this reply's among them.
+            when: seconds on the robot's clock.
+            now: the wall clock, ns since 1970, for headers.
+        """
         if letter == "n" and readings.proximity is not None:
             yield from self._infrared(readings.proximity, now)
         elif letter == "i" and readings.battery is not None:
@@ -176,9 +185,9 @@ class RosTopics:
         elif letter == "h" and readings.counters is not None:
             counted = self._counted or readings.counters
             here = self._where.odometry
-            self._where.odometry = integrate(here, counted, readings.counters)
+            self._where.odometry = integrate(here, counted, readings.counters, self.wheels)
             self._counted = readings.counters
-            yield from self._move((wire.entries[-1].time, self._where.odometry), now)
+            yield from self._move((when, self._where.odometry), now)
 
     def _move(self, here: moving.Timed, now: int) -> Iterator[Told]:
         yield ODOMETRY, moving.odometry(here, self._before, now, self.frames)
