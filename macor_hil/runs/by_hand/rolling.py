@@ -1,14 +1,15 @@
-"""Velocities, each for a moment: a robot that is told nothing more comes to rest by itself.
+"""Velocities, each for a moment: a robot that is told nothing more is stopped, and comes to rest.
 
-A velocity is driven as a short way ahead, to whose end the position controller of the robot brings
-it within the time limit: also if this program has been killed, or its cable pulled. The next
-velocity moves the end on before it is near. With acceleration a and speed v, a way of v (T - v / a)
-takes T from rest, and less from any speed up to v.
+A velocity is driven as a short way ahead, to whose end the robot's own position controller brings
+it. While somebody looks on, it is stopped before that, when the velocity is old; the end of the way
+stops it where nobody can any more, because the program was killed or the cable pulled. The next
+velocity moves the end on before it is near.
 """
 
+from math import inf
 from typing import Final
 
-from khepera_protocol.serial.units import ACCELERATION_UNIT, CONTROL_PERIOD, SPEED_UNIT
+from khepera_protocol.serial.units import CONTROL_PERIOD
 
 from macor_hil.hardware.driver import DriveSettings, is_touching
 from macor_hil.hardware.khepera import Khepera
@@ -16,11 +17,11 @@ from macor_hil.hardware.khepera import Khepera
 LIMIT: Final = 0.5
 """Seconds after a velocity within which the robot stands, if no other one comes."""
 
-FASTEST: Final = 25
-"""Counts / 10 ms: the fastest that leaves room to brake within the limit."""
+_LASTS: Final = 0.25
+"""Seconds for which a velocity holds; the rest of the limit is for a look, a stop and its way."""
 
-_DRIVEN: Final = 0.34
-"""Seconds of the limit for the drive itself; the rest is for the requests on the line."""
+_LEASH: Final = 0.6
+"""Seconds of driving to the end of the way that a velocity is driven as."""
 
 _ACCELERATION: Final = 255
 """In units of the command J: the greatest."""
@@ -40,7 +41,7 @@ class Rolling:
     def __init__(self, robot: Khepera, settings: DriveSettings) -> None:
         self._robot = robot
         self._settings = settings
-        self._top = min(settings.speed, FASTEST)
+        self._ends = inf
         self._ahead = False
         self._touching = False
 
@@ -60,11 +61,9 @@ class Rolling:
         if fastest < _SMALLEST or (self._ahead and self._touching):
             self.stop()
             return
-        share = min(1.0, self._top / fastest)
+        share = min(1.0, self._settings.speed / fastest)
         speeds = [way * share for way in ways]
         top = max(map(abs, speeds))
-        braking = top * SPEED_UNIT / (_ACCELERATION * ACCELERATION_UNIT)
-        seconds = max(_DRIVEN - braking, 0.0)
         profiles = [
             (max(1, round(abs(speed))), max(1, round(_ACCELERATION * abs(speed) / top)))
             for speed in speeds
@@ -73,10 +72,11 @@ class Rolling:
         self._robot.set_profile(profiles[0], profiles[1])
         self._robot.go_to(
             *(
-                counts + round(speed * seconds / CONTROL_PERIOD)
+                counts + round(speed * _LEASH / CONTROL_PERIOD)
                 for counts, speed in zip(here, speeds, strict=True)
             )
         )
+        self._ends = self._robot.clock() + _LASTS
 
     def stop(self) -> None:
         """Stand still.
@@ -84,8 +84,17 @@ class Rolling:
         Raises:
             RobotError: the robot does not answer.
         """
+        self._ends, self._ahead = inf, False
         self._robot.stop()
-        self._ahead = False
+
+    def watch(self) -> None:
+        """Stop a robot whose velocity is old; between any two requests to it.
+
+        Raises:
+            RobotError: the robot does not answer.
+        """
+        if self._robot.clock() > self._ends:
+            self.stop()
 
     def look(self) -> tuple[int, ...]:
         """Return the infrared readings; a robot that is about to touch something ahead is stopped.
@@ -97,4 +106,5 @@ class Rolling:
         self._touching = is_touching(proximity, self._settings)
         if self._touching and self._ahead:
             self.stop()
+        self.watch()
         return proximity

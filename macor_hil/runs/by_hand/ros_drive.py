@@ -133,6 +133,7 @@ class _DrivenRobot:
         readings.proximity = self._rolling.look()
         self._drive()
         readings.counters = self._robot.counters()
+        self._rolling.watch()
         self._tell("n", "h")
         if (now := time.monotonic()) - self._asked_battery > _BATTERY:
             self._asked_battery = now

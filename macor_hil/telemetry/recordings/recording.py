@@ -10,12 +10,12 @@ was written before can be read. Needs the extra 'recording'.
 import logging
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import BinaryIO, Final, Self
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
@@ -26,8 +26,17 @@ from mcap.writer import CompressionType, Writer
 from macor_hil.errors import RecordingError
 from macor_hil.files import MIB, InputError, open_regular
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.recordings.mcap_file import Damage, Message, read_messages
-from macor_hil.telemetry.viewers.topics import Alive, Told, Topics
+from macor_hil.telemetry.recordings.mcap_file import (
+    Damage,
+    Message,
+    Topics,
+    read_messages,
+    read_on,
+    read_record,
+)
+from macor_hil.telemetry.recordings.mcap_index import Index, latest_before, read_index
+from macor_hil.telemetry.viewers.topics import Alive, Told
+from macor_hil.telemetry.viewers.topics import Topics as ViewerTopics
 
 _CHUNK: Final = 16 * 1024
 """Bytes in a chunk at most, but for a larger sample: what a killed recorder loses."""
@@ -67,7 +76,7 @@ class Recorder:
     def __init__(self, path: Path, robot: str) -> None:
         self.samples = 0
         self._path = path
-        self._topics = Topics(robot)
+        self._topics = ViewerTopics(robot)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         try:
@@ -145,8 +154,15 @@ class Recorder:
         return RecordingError(f"cannot record to {self._path}: {error.strerror}")
 
 
-def play_recording(path: Path) -> tuple[str, Iterator[Event]]:
+def play_recording(path: Path, begin: float = 0.0) -> tuple[str, Iterator[Event]]:
     """Read a recording while it is used, as far as it goes; what is left out is told.
+
+    One that is begun later begins with the latest event of each kind before that: what was so then.
+    It is found by the index at the end of the file; without one, the file is read to there.
+
+    Args:
+        path: the file.
+        begin: seconds after its first message at which to begin.
 
     Returns:
         The robot's name, and its events in their order.
@@ -154,7 +170,7 @@ def play_recording(path: Path) -> tuple[str, Iterator[Event]]:
     Raises:
         RecordingError: there is no such file, or nothing of a robot in it.
     """
-    events = _events(path)
+    events = _events(path, begin)
     first = next(events, None)
     if first is None:
         raise RecordingError(f"{path} is no recording of a robot: no sample of one is in it")
@@ -203,8 +219,8 @@ class _LeftOut:
             _log.warning("%s: left out %s%s", path, self._first, more)
 
 
-def _events(path: Path) -> Iterator[tuple[str, Event]]:
-    """Read the events, with the names of their robots.
+def _events(path: Path, begin: float = 0.0) -> Iterator[tuple[str, Event]]:
+    """Read the events from a time on, with the names of their robots.
 
     Raises:
         RecordingError: the file cannot be read.
@@ -213,7 +229,7 @@ def _events(path: Path) -> Iterator[tuple[str, Event]]:
     try:
         with open_regular(path) as file:
             room = _ROOM + _RATIO * os.fstat(file.fileno()).st_size
-            for message in read_messages(file):
+            for message in _messages(file, round(begin * _SECOND)):
                 if isinstance(message, Damage):
                     left_out.add(f"a part at byte {message.place:,}: {message.reason}")
                     continue
@@ -235,6 +251,57 @@ def _events(path: Path) -> Iterator[tuple[str, Event]]:
         raise RecordingError(f"cannot read {path}: {error.strerror}") from None
     finally:
         left_out.tell(path)
+
+
+def _messages(file: BinaryIO, begin: int) -> Iterator[Message | Damage]:
+    """Read messages from a time after the first one (ns) on, the latest before that first."""
+    if begin <= 0:
+        yield from read_messages(file)
+        return
+    index = read_index(file)
+    if index is None:
+        file.seek(0)
+        yield from _read_to(read_messages(file), begin)
+        return
+    time = index.begin + begin
+    yield from _latest(file, index, time)
+    if (place := index.place_of(time)) is not None:
+        file.seek(place)
+        for message in read_on(file, Topics(index.topics)):
+            if isinstance(message, Damage) or message.log_time >= time:
+                yield message
+
+
+def _latest(file: BinaryIO, index: Index, time: int) -> Iterator[Message]:
+    """Read the latest message of each topic before a time, in the order of their times."""
+    found: dict[str, Message] = {}
+    wanted = {number for number, topic in index.topics.items() if _TOPIC.fullmatch(topic)}
+    for place in {place for _, place in latest_before(file, index, time, wanted).values()}:
+        file.seek(place)
+        for message in read_record(file, Topics(index.topics)):
+            if message.log_time < time and _TOPIC.fullmatch(message.topic):
+                last = found.get(message.topic)
+                if last is None or message.log_time >= last.log_time:
+                    found[message.topic] = message
+    yield from sorted(found.values(), key=lambda message: message.log_time)
+
+
+def _read_to(messages: Iterable[Message | Damage], begin: int) -> Iterator[Message | Damage]:
+    """Read from the beginning to a time after it, and keep the latest message of each topic."""
+    latest: dict[str, Message] = {}
+    time: int | None = None
+    for message in messages:
+        if isinstance(message, Damage):
+            yield message
+            continue
+        time = message.log_time + begin if time is None else time
+        if message.log_time < time:
+            latest[message.topic] = message
+            continue
+        yield from sorted(latest.values(), key=lambda each: each.log_time)
+        latest.clear()
+        yield message
+    yield from sorted(latest.values(), key=lambda each: each.log_time)
 
 
 def _event(side: str, leaf: str, message: Message) -> Event | None:
