@@ -34,7 +34,7 @@ pytestmark = [
 
 
 class Server(SimpleHTTPRequestHandler):
-    """Serves the viewer, and a folder beside it; parts of files, which a viewer of MCAP asks for."""
+    """Serves the viewer, and a folder beside it; of files also parts, which the viewer asks for."""
 
     def __init__(self, *arguments: object, made: Path, **more: object) -> None:
         self._made = made
