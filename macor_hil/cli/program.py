@@ -11,7 +11,7 @@ from khepera_protocol.options import OptionError
 from khepera_protocol.text import PrintableFormatter, printable
 from khepera_protocol.version import VersionOption
 
-from macor_hil.cli import driving, learning, measuring, ros, scoring, watching
+from macor_hil.cli import by_hand, driving, learning, measuring, ros, scoring, viewing, watching
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
 from macor_hil.errors import MacorError, NotStoppedError
 from macor_hil.safety.interruption import Interruption
@@ -46,7 +46,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     epilog=_EXAMPLES,
 )
-for _part in (learning, scoring, driving, measuring, watching, ros):
+for _part in (learning, scoring, driving, by_hand, measuring, watching, viewing, ros):
     app.add_typer(_part.app)
 
 
