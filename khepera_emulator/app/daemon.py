@@ -8,7 +8,7 @@ query is answered.
 import logging
 from collections.abc import Callable
 
-from khepera_protocol.system.supervisor import Supervisor
+from khepera_protocol.system.supervisor import NOBODY, Supervisor
 from khepera_protocol.system.waiting import readable
 
 from khepera_emulator.app.control import Control
@@ -59,7 +59,7 @@ class Daemon:
         emulator: Emulator,
         clock: Clock,
         control: Control | None = None,
-        supervisor: Supervisor = Supervisor(),
+        supervisor: Supervisor = NOBODY,
     ) -> None:
         self._supervisor = supervisor
         self._emulator = emulator

@@ -241,21 +241,15 @@ class _LiveRun:
             driver = Driver(self._robot, self._settings, guard)
             agent = Agent(self._brain, driver, reporter.watched(self._camera))
             timed = _TimedPlanner(planner, bell, self._reporter)
+            after = self._options.after_collision
             while True:
                 try:
                     ending = self._drive_on(agent, timed, rng)
-                    if ending is not Ending.COLLISION or not self._goes_on:
+                    if ending is not Ending.COLLISION or after is AfterCollision.STOP:
                         return ending
                     self._back_off(driver, rng)
                 except (RobotError, CameraError) as error:
                     self._recover(error)
-
-    @property
-    def _goes_on(self) -> bool:
-        """True if the run goes on after a collision."""
-        limit = self._options.commands
-        backs_off = self._options.after_collision is AfterCollision.BACK_OFF
-        return backs_off and not (limit and self._reporter.driven >= limit)
 
     def _await_picture(self) -> None:
         """Wait for the first picture while the robot stands."""

@@ -10,7 +10,7 @@ from math import inf
 from types import TracebackType
 from typing import Self
 
-from khepera_protocol.system.supervisor import Supervisor
+from khepera_protocol.system.supervisor import NOBODY, Supervisor
 from khepera_protocol.validation import first_fault
 from khepera_protocol.zenoh.controller_payloads import Decision, Odometry, Phase, State
 from khepera_protocol.zenoh.payload_model import MOST_TEXT
@@ -103,7 +103,7 @@ class RunReporter:
         start: Pose,
         publisher: Publisher | None = None,
         on_step: OnStep | None = None,
-        supervisor: Supervisor = Supervisor(),
+        supervisor: Supervisor = NOBODY,
     ) -> None:
         self.driven = 0
         self.total = 0.0

@@ -79,7 +79,7 @@ def add_config(app: typer.Typer, service: str) -> None:
             typer.echo(f"{printable(str(check))}: {', '.join(tables) or 'nothing'} can be used")
 
 
-def commands_of(program: typer.Context | None) -> dict[str, Any]:
+def commands_of(program: Any) -> dict[str, Any]:
     """Return the commands of a program that take a file of options, by their names."""
     every: Mapping[str, Any] = getattr(program and program.command, "commands", {})
     return {

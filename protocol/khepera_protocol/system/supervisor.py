@@ -75,3 +75,7 @@ class Supervisor:
 
 def _line(text: str) -> str:
     return " ".join(text.split())
+
+
+NOBODY: Final = Supervisor()
+"""No supervisor: nothing is sent."""
