@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from math import inf
 from typing import Annotated, Final
 
@@ -18,6 +18,7 @@ from khepera_protocol.zenoh.sample_checks import check_sample
 from pydantic import Field, field_validator
 from rich.console import Console
 from rich.live import Live
+from rich.table import Table
 
 from macor_hil.cli.watching import DurationOptions
 from macor_hil.hardware.options import ZenohConfigOptions
@@ -78,6 +79,8 @@ def score(options: ScoreOptions) -> None:
     if options.json_lines:
         for line in json_lines(board):
             typer.echo(line)
+    elif not Console().is_terminal:  # where it has not been seen yet
+        Console().print(_table(board, options))
 
 
 def json_lines(board: Scoreboard) -> Iterator[str]:
@@ -118,19 +121,21 @@ class Look:
 
 
 def _show(board: Scoreboard, look: Look, end: float, options: ScoreOptions) -> None:
-    def picture() -> object:
-        return drawn(board.ranking(), with_goal=options.finish is not None)
+    """Keep the scores, and show them where somebody looks on."""
+    console = Console()
+    with ExitStack() as stack:
+        live = None
+        if console.is_terminal and not options.json_lines:
+            live = stack.enter_context(Live(console=console, auto_refresh=False))
+        while (now := time.monotonic()) < end:
+            time.sleep(min(_PERIOD, end - now))
+            look()
+            if live:
+                live.update(_table(board, options), refresh=True)
 
-    if options.json_lines:
-        while (now := time.monotonic()) < end:
-            time.sleep(min(_PERIOD, end - now))
-            look()
-        return
-    with Live(console=Console(), auto_refresh=False) as live:
-        while (now := time.monotonic()) < end:
-            time.sleep(min(_PERIOD, end - now))
-            look()
-            live.update(picture(), refresh=True)  # type: ignore[arg-type]
+
+def _table(board: Scoreboard, options: ScoreOptions) -> Table:
+    return drawn(board.ranking(), with_goal=options.finish is not None)
 
 
 def _robot_of(key: str) -> str:
