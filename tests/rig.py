@@ -63,7 +63,7 @@ class CameraRelay:
         threading.Thread(target=self._answer, args=(query,), daemon=True).start()
 
     def _answer(self, query: zenoh.Query) -> None:
-        with query:
+        with query, suppress(zenoh.ZError):  # its session may be closed meanwhile
             mode = self.mode
             if mode == "lost":
                 time.sleep(3.0)

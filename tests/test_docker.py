@@ -95,7 +95,8 @@ def test_a_layer_holds_what_an_installation_has_added(tmp_path: Path) -> None:
     (packages / "numpy").mkdir(parents=True)
     (packages / "there.py").touch()
     more, target = packages / "more.py", tmp_path / "added"
-    command = [ADDED, tmp_path / "opt", target, "touch", more, packages / "stub.pyi"]
+    command = [str(ADDED), str(tmp_path / "opt"), str(target), "touch", str(more)]
+    command.append(str(packages / "stub.pyi"))
     subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
     assert [path for path in target.rglob("*") if path.is_file()] == [
         target / more.relative_to("/")
@@ -208,7 +209,8 @@ def test_the_compose_file_keeps_to_its_specification() -> None:
     checker = ROOT / ".venv-release" / "bin" / "check-jsonschema"
     if not checker.exists():
         pytest.skip("check-jsonschema is not installed; `make docs` installs it")
-    command = [checker, "--builtin-schema", "vendor.compose-spec", ROOT / "docker" / "compose.yaml"]
+    compose = str(ROOT / "docker" / "compose.yaml")
+    command = [str(checker), "--builtin-schema", "vendor.compose-spec", compose]
     subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
 
 

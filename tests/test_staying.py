@@ -31,6 +31,7 @@ from macor_hil.errors import (
 from macor_hil.hardware.cameras.camera import Camera, Frame
 from macor_hil.hardware.cameras.catalogue import CameraAddress
 from macor_hil.hardware.khepera import open_port
+from macor_hil.hardware.way_out import drive_away
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.memories.transitions import SensorimotorMap
@@ -90,7 +91,7 @@ def changed(options: RunOptions, **values: Any) -> RunOptions:
 
 
 def transitions(path: Path) -> int:
-    """How often transitions of a map were adapted, in all."""
+    """Adaptations of all transitions of a map."""
     memory = load_map(path)[0].memories["transitions"]
     assert isinstance(memory, SensorimotorMap)
     return int(memory.transitions().z.sum())
@@ -133,7 +134,7 @@ def test_odometry_follows_the_robot_while_it_backs_off(
 
 
 def serve_start(options: RunOptions) -> Any:
-    """Where the robot of a run begins."""
+    """The pose in which the robot of a run begins."""
     with open_port(options.port) as port:
         return port.emulator.truth().pose
 
@@ -154,7 +155,6 @@ def test_a_signal_while_the_robot_backs_off_stops_it(
     options: RunOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ports, told = opened(monkeypatch), list[float]()
-    away = macor_hil.runs.live_run.drive_away
 
     def interrupted(driver: Any, *arguments: Any, **more: Any) -> None:
         port = ports[0]
@@ -168,7 +168,7 @@ def test_a_signal_while_the_robot_backs_off_stops_it(
             return count
 
         monkeypatch.setattr(port, "write", meddle)
-        away(driver, *arguments, **more)
+        drive_away(driver, *arguments, **more)
 
     monkeypatch.setattr(macor_hil.runs.live_run, "drive_away", interrupted)
     speeds: list[float] = []

@@ -46,7 +46,7 @@ class Listener:
         return heard
 
     def waiting(self) -> list[str]:
-        """What has come and was not heard yet."""
+        """All that has come and was not heard yet."""
         heard = []
         self.socket.setblocking(False)
         try:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from math import inf
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 import zenoh
@@ -96,7 +96,7 @@ def json_lines(board: Scoreboard) -> Iterator[str]:
 @contextmanager
 def scored(session: zenoh.Session, board: Scoreboard) -> Iterator["Look"]:
     """Score all robots of a session, as often as what it gives is called."""
-    heard = zenoh.handlers.RingChannel(_WAITING)
+    heard: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(_WAITING)
     with session.declare_subscriber(TRUTH.of("*"), heard) as subscriber:
         yield Look(subscriber, board)
 
@@ -104,7 +104,7 @@ def scored(session: zenoh.Session, board: Scoreboard) -> Iterator["Look"]:
 class Look:
     """Takes what has come into the scores; call it again and again."""
 
-    def __init__(self, subscriber: zenoh.Subscriber, board: Scoreboard) -> None:
+    def __init__(self, subscriber: zenoh.Subscriber[Any], board: Scoreboard) -> None:
         self._subscriber = subscriber
         self._board = board
 

@@ -49,7 +49,7 @@ class LookOptions(AllowOptions, ProfileOptions, DeviceOptions):
 
 
 class SaidOptions(LogOptions):
-    """What a live run says."""
+    """The words of a live run."""
 
     quiet: Annotated[bool, Cli(flags=("--quiet",))] = Field(
         default=False, description="Print no line for each decision."
