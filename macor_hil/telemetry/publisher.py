@@ -78,11 +78,16 @@ class Publisher:
         """True while anyone listens to pictures."""
         return self._frames.heard
 
+    @property
+    def waiting(self) -> int:
+        """Number of samples that have not gone out yet."""
+        return self._sender.waiting
+
     def check(self) -> None:
         """Check that samples still go out; for the loop that drives.
 
         Raises:
-            TelemetryError: the thread that sends it has ended.
+            TelemetryLostError: the thread that sends it has ended.
         """
         self._sender.check()
 
