@@ -70,14 +70,15 @@ def plain(*told: Any) -> None:
 
 
 def one_by_one(*told: Any) -> None:
-    """Give each name of a field such as `left, right` a field: Sphinx takes the first for a type."""
+    """Give every name of `left, right: metres` a field: Sphinx takes the first one for a type."""
     lines: list[str] = told[-1]
     fields = []
     for field in re.split(r"\n(?=\S)", "\n".join(lines)):
-        several = _SEVERAL.match(field)
-        names = several["names"].split(", ") if several else []
-        rest = field[several.end() :] if several else field
-        fields += [f":{several['kind']} {name}:{rest}" for name in names if several] or [field]
+        if several := _SEVERAL.match(field):
+            kind, text = several["kind"], field[several.end() :]
+            fields += [f":{kind} {name}:{text}" for name in several["names"].split(", ")]
+        else:
+            fields.append(field)
     lines[:] = "\n".join(fields).split("\n")
 
 
