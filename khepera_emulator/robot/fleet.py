@@ -1,9 +1,9 @@
-"""The emulated robots of one world: their common time, and one physics client."""
+"""The emulated robots of one world, and their common time."""
 
 from collections.abc import Iterator
 from functools import cached_property
 from heapq import merge
-from typing import Protocol
+from typing import Any, Protocol
 
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose
@@ -11,7 +11,7 @@ from khepera_protocol.zenoh.payloads import Pose
 from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.periods import is_moving, run_periods
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.rolling import Rolling
 from khepera_emulator.turrets.radio import RadioMedium
 from khepera_emulator.world.enclosure import Enclosure
 from khepera_emulator.world.floor_plan import Surroundings
@@ -28,10 +28,14 @@ class Member(Protocol):
     start_pose: Pose
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Any:
         """The robot, as its firmware finds it."""
 
-    def execute(self, line: bytes, moment: float) -> None:
+    @property
+    def radius(self) -> float:
+        """Of its body, in metres."""
+
+    def execute(self, line: Any, moment: float) -> None:
         """Carry out a request."""
 
     def put_anew(self, seed: int) -> None:
@@ -43,8 +47,9 @@ class Fleet:
 
     Args:
         arena: where they are.
-        radius: of their bodies, in metres.
+        radius: of the widest of their bodies, in metres.
         size: how many they will be.
+        rigid: whether they are rigid bodies all the time; see `world.World`.
 
     Attributes:
         now: time that everything has been brought to, in seconds; a multiple of `uart.GRID`.
@@ -53,20 +58,20 @@ class Fleet:
         members: the robots, in the order in which they do what happens at the same time.
     """
 
-    def __init__(self, arena: Arena, radius: float, size: int = 1) -> None:
+    def __init__(self, arena: Arena, radius: float, size: int = 1, *, rigid: bool = False) -> None:
         self.now = 0.0
         self.members: list[Member] = []
         self.radio = RadioMedium()
         self._arena = arena
         self._radius = radius
-        self._shared = size > 1
-        self.world = World(arena, shared=self._shared)
-        self._robots: list[Robot] = []
+        self._shared, self._rigid = size > 1, rigid
+        self.world = self._make_world()
+        self._robots: list[Rolling] = []
         self._power_time = 0.0
         self._ticks = 0
 
     def close(self) -> None:
-        """Give back the physics client."""
+        """Give back the world."""
         self.world.close()
 
     @property
@@ -84,7 +89,7 @@ class Fleet:
 
         Control periods are counted from now.
         """
-        before, self.world = self.world, World(self._arena, shared=self._shared)
+        before, self.world = self.world, self._make_world()
         before.close()
         self._power_time = self.now
         self._ticks = 0
@@ -116,23 +121,31 @@ class Fleet:
         self._drive(until)
         self.now = until
 
-    def gap(self, own: Footprint | None = None) -> Gap:
-        """Return distances from a robot's body to the nearest thing, as everything stands now."""
+    def gap(self, radius: float, own: Footprint | None = None) -> Gap:
+        """Return distances from a robot's body to the nearest thing, as everything stands now.
+
+        Args:
+            radius: of that body.
+            own: that body, if it is in the world already.
+        """
         scene = self.world.scene(own)
-        return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+        return lambda pose: scene.clearance(pose.x, pose.y) - radius
 
     def gap_at_start(self, own: Member) -> Gap:
         """Return the same with all things, and all robots but one, where they start."""
-        starts = [each.start_pose for each in self.members if each is not own]
+        starts = [(each.start_pose, each.radius) for each in self.members if each is not own]
         movers: list[Footprint] = [footprint(part) for part in self._arena.object]
-        movers += [Disc(pose.x, pose.y, self._radius, 0.0) for pose in starts]
+        movers += [Disc(pose.x, pose.y, radius, 0.0) for pose, radius in starts]
         scene = Surroundings(self.world.plan, movers)
-        return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+        return lambda pose: scene.clearance(pose.x, pose.y) - own.radius
 
     @cached_property
     def enclosure(self) -> Enclosure:
         """The inside of the arena."""
         return Enclosure(self.world.plan, self._arena.start, self._radius)
+
+    def _make_world(self) -> World:
+        return World(self._arena, shared=self._shared, rigid=self._rigid)
 
     def _drive(self, until: float) -> None:
         due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
@@ -141,6 +154,6 @@ class Fleet:
             run_periods(self.world, self._robots, due)
 
 
-def _numbered(number: int, member: Member, until: float) -> Iterator[tuple[float, int, bytes]]:
+def _numbered(number: int, member: Member, until: float) -> Iterator[tuple[float, int, Any]]:
     for moment, line in member.uart.requests(until):
         yield moment, number, line

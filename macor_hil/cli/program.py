@@ -13,7 +13,17 @@ from khepera_protocol.options import OptionError
 from khepera_protocol.text import PrintableFormatter, printable
 from khepera_protocol.version import VersionOption
 
-from macor_hil.cli import classroom, driving, learning, measuring, ros, scoring, watching
+from macor_hil.cli import (
+    by_hand,
+    classroom,
+    driving,
+    learning,
+    measuring,
+    ros,
+    scoring,
+    viewing,
+    watching,
+)
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
 from macor_hil.errors import MacorError, NotStoppedError, is_lost
 from macor_hil.safety.interruption import Interruption
@@ -51,7 +61,7 @@ app = typer.Typer(
     epilog=_EXAMPLES,
     context_settings={"auto_envvar_prefix": "MACOR_HIL"},
 )
-for _part in (learning, scoring, driving, measuring, watching, classroom, ros):
+for _part in (learning, scoring, driving, by_hand, measuring, watching, viewing, classroom, ros):
     app.add_typer(_part.app)
 add_config(app, "run")
 

@@ -16,7 +16,6 @@ from khepera_emulator.app.cli.replay_command import ReplayOptions, replay
 from khepera_emulator.app.ending import STATUS, Ending
 from khepera_emulator.app.options import LineOptions, ZenohOptions
 from khepera_emulator.robot.options import RobotOptions
-from khepera_emulator.world.bullet import load_physics
 
 _EXAMPLES = f"""[bold]Examples[/bold]
 
@@ -76,7 +75,6 @@ def run(
     Prints one line for each robot: its name, its terminal or URL, and the link to it.
     """
     set_up_log(log)
-    load_physics()
     from khepera_emulator.app.serving import serve
 
     serve(robots, line, zenoh, ctx.find_object(Ending) or Ending(), _announce)
