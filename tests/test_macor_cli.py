@@ -15,7 +15,6 @@ from test_map_file import change_meta
 
 from macor_hil.cli import program
 from macor_hil.cli.ending import Status
-from macor_hil.cli.ending import Status
 from macor_hil.mind.map_file import VERSION
 from macor_hil.telemetry.feed import Arrival, Feed
 from macor_hil.telemetry.session import open_session
