@@ -19,7 +19,7 @@ from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain, own_code
 from macor_hil.mind.map_file import save_map
 from macor_hil.mind.options import MindOptions
-from macor_hil.runs.checkpoints import checkpoint_path, commands_kept
+from macor_hil.runs.learning.checkpoints import checkpoint_path, commands_kept
 from macor_hil.runs.options import MapOptions, TrainOptions
 from macor_hil.runs.robot_training import train_on
 from macor_hil.safety.claim import claim
@@ -92,7 +92,7 @@ def learn(
     """Train a map from recordings of drives (see `record`), without a robot."""
     with extra("recording"):
         from macor_hil.telemetry.recordings.recording import play_recording
-    from macor_hil.runs.recorded_drives import learn as take_in
+    from macor_hil.runs.learning.recorded_drives import learn as take_in
 
     map_file = options.map_file
     check_file("--map", map_file)

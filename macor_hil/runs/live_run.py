@@ -50,7 +50,7 @@ from macor_hil.mind.experience import Moment
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.planners.planner import Aim, Plan, Planner, Preparing, aim_of, is_over
 from macor_hil.runs.agent import Agent
-from macor_hil.runs.learning_on import LearningOn, learning_on
+from macor_hil.runs.learning.learning_on import LearningOn, learning_on
 from macor_hil.runs.options import AfterCollision, RunOptions
 from macor_hil.runs.recovery import pause, wait_for, wait_until_both_work
 from macor_hil.runs.run_reporter import Ending, OnStep, RunReport, RunReporter
