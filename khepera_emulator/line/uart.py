@@ -66,6 +66,10 @@ class Uart:
         self._sending = TimedBytes()
         self.baud = baud
 
+    def note_faults(self) -> None:
+        """Take note that faults were switched on or off."""
+        self._faulty = bool(self.faults)
+
     @property
     def baud(self) -> int | None:
         """Rate in bits a second, or None for a line that takes no time.

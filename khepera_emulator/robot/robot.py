@@ -60,6 +60,9 @@ class Robot:
         equipment: what it carries, and the choices of its firmware.
         dead_man: seconds without a request after which it stops by itself; None: never.
         ailments: faults of its own; None: there are none.
+
+    Attributes:
+        ailments: faults of its own; None: there are none.
     """
 
     def __init__(
@@ -74,7 +77,7 @@ class Robot:
         ailments: Ailments | None = None,
     ) -> None:
         self.model = model
-        self._ailments = ailments
+        self.ailments = ailments
         self._dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
         self._heard = 0
         self.equipment = equipment or Equipment()
@@ -178,8 +181,8 @@ class Robot:
         # computed when first asked for: most scans are never read
         if "proximity" not in self._scans:
             counts = self.infrared.proximity(*self._scan_pose)
-            if self._ailments is not None:
-                counts = self._ailments.proximity(self.time, counts)
+            if self.ailments is not None:
+                counts = self.ailments.proximity(self.time, counts)
             self._scans["proximity"] = counts
         return self._scans["proximity"]
 
@@ -187,17 +190,17 @@ class Robot:
         """Return the latest ambient light scan: eight counts."""
         if "ambient" not in self._scans:
             counts = self.infrared.ambient(*self._scan_pose)
-            if self._ailments is not None:
-                counts = self._ailments.ambient(self.time, counts, self.model.dark)
+            if self.ailments is not None:
+                counts = self.ailments.ambient(self.time, counts, self.model.dark)
             self._scans["ambient"] = counts
         return self._scans["ambient"]
 
     def analogue(self, channel: int) -> int:
         """Return the counts at an A/D input; the first one is the battery's."""
         counts = self.panel.analogue[channel]
-        if channel or self._ailments is None:
+        if channel or self.ailments is None:
             return counts
-        return self._ailments.battery(self.time, counts)
+        return self.ailments.battery(self.time, counts)
 
     def truth(self) -> Truth:
         """Return ground truth, for scoring."""
@@ -208,7 +211,7 @@ class Robot:
             contact=self.chassis.contact,
             touched=self.touched,
             drift=self.drift,
-            faults=() if self._ailments is None else self._ailments.names(self.time),
+            faults=() if self.ailments is None else self.ailments.names(self.time),
         )
 
     def _start_scan(self) -> None:
@@ -238,8 +241,8 @@ class Robot:
             left.drive_speed(0)
             right.drive_speed(0)
         free = left.control(), right.control()
-        if self._ailments is not None:
-            free = self._ailments.speeds(self.time, free)
+        if self.ailments is not None:
+            free = self.ailments.speeds(self.time, free)
         self._free = free_left, free_right = free
         # mean of the speeds at both ends of the period, in counts and metres a period
         mean_left, mean_right = (left.speed + free_left) / 2, (right.speed + free_right) / 2
@@ -247,8 +250,8 @@ class Robot:
         sd = self._spot_slip_sd if mean_left * mean_right < 0.0 else self._slip_sd
         slip_left, slip_right = next(self._slip)
         slip = sd * slip_left, sd * slip_right
-        if self._ailments is not None:
-            slip = self._ailments.slip(self.time, slip)
+        if self.ailments is not None:
+            slip = self.ailments.slip(self.time, slip)
         return (mean_left * PULSE, mean_right * PULSE), slip
 
     def _wheel(self) -> Wheel:

@@ -6,6 +6,7 @@
                      take over signals, open Zenoh, tell watchers, open robot and camera
       drive          until a collision, the last command, a goal, or somebody ends the run
         _drive_on      look, plan, drive a command, tell watchers; again
+        _steered       pause or change planner, where that is allowed (`helm`)
         _recover       after a failure: stop, wait until robot and camera work, drive on
                      whatever is raised stops the robot before it goes on (`standing_on_failure`)
                      close robot and camera, tell how the run ended, close Zenoh
@@ -42,6 +43,7 @@ from macor_hil.mind.experience import Moment
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.planners.planner import Aim, Plan, Planner, Preparing, aim_of, is_over
 from macor_hil.runs.agent import Agent
+from macor_hil.runs.helm import Helm, SteerKey
 from macor_hil.runs.options import RunOptions
 from macor_hil.runs.recovery import wait_until_both_work
 from macor_hil.runs.run_reporter import Ending, OnStep, RunReport, RunReporter
@@ -76,13 +78,11 @@ def serve(options: RunOptions, on_step: OnStep | None = None, start: Pose = _ORI
             failed for good. If the robot could not be stopped, the message says so.
     """
     brain, settings = _prepare(options)
-    planner = options.make_planner()
-    memory = memory_for(brain, planner)  # a map without it is refused before anything moves
-    if isinstance(planner, Preparing):
-        planner.prepare(memory)
+    planner = _prepared(_planner_of(options, brain), brain)
+    helm = Helm(lambda wish: _planner_of(options.steered(wish), brain))
     with (
         signals_taken_over() as interruption,
-        _telemetry(options, interruption) as (session, publisher),
+        _telemetry(options, interruption, helm) as (session, publisher),
         RunReporter(options, interruption, settings.wheels, start, publisher, on_step) as reporter,
     ):
         try:
@@ -93,11 +93,24 @@ def serve(options: RunOptions, on_step: OnStep | None = None, start: Pose = _ORI
                 session=session,
                 name=options.robot,
             ) as hardware:
-                run = _LiveRun(options, settings, hardware, brain, reporter, interruption)
+                run = _LiveRun(options, settings, hardware, brain, reporter, interruption, helm)
                 reporter.ending = run.drive(planner)
         except KeyboardInterrupt:
             reporter.ending = Ending.INTERRUPTED
         return reporter.report()
+
+
+def _planner_of(options: RunOptions, brain: Brain) -> Planner:
+    """Return a planner, for whose memory the map is refused before anything moves."""
+    planner = options.make_planner()
+    memory_for(brain, planner)
+    return planner
+
+
+def _prepared(planner: Planner, brain: Brain) -> Planner:
+    if isinstance(planner, Preparing):
+        planner.prepare(memory_for(brain, planner))
+    return planner
 
 
 def _prepare(options: RunOptions) -> tuple[Brain, DriveSettings]:
@@ -113,7 +126,7 @@ def _prepare(options: RunOptions) -> tuple[Brain, DriveSettings]:
 
 @contextmanager
 def _telemetry(
-    options: RunOptions, interruption: Interruption
+    options: RunOptions, interruption: Interruption, helm: Helm
 ) -> Iterator[tuple[zenoh.Session | None, Publisher | None]]:
     with ExitStack() as stack:
         if not (options.listen or options.connect or options.zenoh_config):
@@ -125,6 +138,8 @@ def _telemetry(
         publisher = stack.enter_context(Publisher(session, options.robot))
         if options.stop_key:
             stack.enter_context(StopKey(session, options.robot, interruption.ask))
+        if options.steer_key:
+            stack.enter_context(SteerKey(session, options.robot, helm))
         yield session, publisher
 
 
@@ -137,6 +152,7 @@ class _LiveRun:
         brain: what is driven by.
         reporter: counts and tells.
         interruption: what may end the run.
+        helm: the wishes of those who may steer it.
     """
 
     def __init__(
@@ -147,6 +163,7 @@ class _LiveRun:
         brain: Brain,
         reporter: RunReporter,
         interruption: Interruption,
+        helm: Helm,
     ) -> None:
         self._options = options
         self._settings = settings
@@ -155,6 +172,7 @@ class _LiveRun:
         self._brain = brain
         self._reporter = reporter
         self._interruption = interruption
+        self._helm = helm
         self._in_a_row = 0
 
     def drive(self, planner: Planner) -> Ending:
@@ -178,12 +196,17 @@ class _LiveRun:
             agent = Agent(self._brain, driver, reporter.watched(self._camera))
             timed = _TimedPlanner(planner, bell, self._reporter)
             while True:
+                timed = self._steered(timed, bell)
                 try:
-                    return self._drive_on(agent, timed, rng)
+                    ending = self._drive_on(agent, timed, rng)
                 except (RobotError, CameraError) as error:
                     self._recover(error)
+                else:
+                    if ending is not None:
+                        return ending
 
-    def _drive_on(self, agent: Agent, planner: Planner, rng: np.random.Generator) -> Ending:
+    def _drive_on(self, agent: Agent, planner: Planner, rng: np.random.Generator) -> Ending | None:
+        """Drive to the end of the run; None where somebody steers it."""
         self._reporter.begin()
         aim = None
         for step in drive(agent, planner, rng, self._options.commands - self._reporter.driven):
@@ -193,9 +216,24 @@ class _LiveRun:
             self._interruption.check()
             if step.outcome.collided:
                 return Ending.COLLISION
+            if self._helm.wants:
+                return None
         # a robot that stands at its goal from the beginning drives no command
         at_goal = is_over(aim) or self._reporter.driven < self._options.commands
         return Ending.GOAL if at_goal else Ending.COMMANDS
+
+    def _steered(self, planner: "_TimedPlanner", bell: LateBell) -> "_TimedPlanner":
+        """Stand as long as somebody wants it, and return the planner to go on with."""
+        if self._helm.paused:
+            self._reporter.say(Phase.PAUSED)
+            self._helm.hold(all_of(self._interruption.check, self._reporter.check))
+        course = self._helm.course()
+        if course is None:
+            return planner
+        self._options = self._options.steered(course)
+        self._reporter.change_course(self._options)
+        chosen = _prepared(_planner_of(self._options, self._brain), self._brain)
+        return _TimedPlanner(chosen, bell, self._reporter)
 
     def _recover(self, error: MacorError) -> None:
         """Stop, wait until robot and camera work again, and know where that leaves the robot.
