@@ -13,13 +13,13 @@ from controller_helpers import a_decision, a_state
 from khepera_protocol.zenoh.controller_payloads import Phase
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
 from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire, WireEntry
+from macor_hil.monitor.dashboard.svg import BAD, GOOD, heat
 from nicegui import app
 from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
 
 from macor_hil.monitor.dashboard import arena, charts, eyes, texts, ticks
 from macor_hil.monitor.dashboard.failures import Failures, OnceEach
 from macor_hil.monitor.dashboard.sources import RecordingSource
-from macor_hil.monitor.dashboard.svg import BAD, GOOD, heat
 from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Event, Presence

@@ -29,9 +29,7 @@ def pose_of(start: Start) -> Pose:
     return Pose(x=start.x, y=start.y, heading=radians(start.heading))
 
 
-def check_room(
-    pose: Pose, gap: Gap, inside: Inside = anywhere, what: str = "the robot"
-) -> None:
+def check_room(pose: Pose, gap: Gap, inside: Inside = anywhere, what: str = "the robot") -> None:
     """See that a robot, or a thing, can be put down at a pose.
 
     Args:

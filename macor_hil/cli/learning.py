@@ -16,7 +16,7 @@ from pydantic import Field
 from macor_hil.cli.common import Bar, extra, hardware_of, progress_bar, shown
 from macor_hil.cli.ending import kept
 from macor_hil.cli.paths import check_file
-from macor_hil.errors import MacorError, MapError
+from macor_hil.errors import MapError
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain, own_code
 from macor_hil.mind.map_file import save_map

@@ -79,8 +79,7 @@ class TrainOptions(SeedOptions, ProfileOptions, SpeedOptions, DeviceOptions, Map
     )
     listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
         default=(),
-        description="Where watchers find this training, and an emulated robot inside this"
-        " process.",
+        description="Where watchers find this training, and an emulated robot inside this process.",
     )
     restart: Annotated[bool, Cli(flags=("--restart",))] = Field(
         default=False, description="Begin anew, even with a map or checkpoint there."

@@ -21,8 +21,8 @@ pytest.importorskip("nicegui")
 
 from khepera_protocol.zenoh.controller_payloads import Learned
 from khepera_protocol.zenoh.keys import KEYS
-
 from macor_hil.monitor.dashboard.guard import NAMES, is_ours
+
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.session import open_session
 
