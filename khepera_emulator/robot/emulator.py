@@ -84,6 +84,7 @@ class Emulator:
         )
         self._next_rate: int | None = None
         self._refusals = 0
+        self._ailments: Ailments | None = None
         streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)

@@ -4,6 +4,7 @@ For the terminal and the browser alike.
 """
 
 from enum import StrEnum
+from math import inf
 from typing import Final, NamedTuple
 
 from khepera_protocol.text import printable
@@ -18,6 +19,9 @@ _TURNS: Final = 0.004
 
 _LATELY: Final = 5.0
 """Seconds for which a request tells that a program is on the line."""
+
+_LAST_WORDS: Final = 0.5
+"""Seconds for which the requests of a controller that has gone may still arrive."""
 
 OVER: Final = frozenset({Phase.STOPPED, Phase.FAILED})
 """Phases after which nothing of a run comes."""
@@ -69,10 +73,13 @@ def client_of(watched: RobotState, now: float) -> str:
     emulated = watched.emulated
     if not emulated.alive:
         return ""
+    since = -inf if watched.left is None else watched.left + _LAST_WORDS
+    if now < since + _LAST_WORDS:
+        return ""
     turns = emulated.truth is not None and any(abs(v) > _TURNS for v in emulated.truth.speed)
-    if turns or _lately(emulated.line.driven, now):
+    if turns or _lately(emulated.line.driven, since, now):
         return "another program drives"
-    return "another program talks to the robot" if _lately(emulated.line.asked, now) else ""
+    return "another program talks to the robot" if _lately(emulated.line.asked, since, now) else ""
 
 
 def last_run(watched: RobotState) -> str:
@@ -82,6 +89,8 @@ def last_run(watched: RobotState) -> str:
         return ""
     state = seen.state
     what = "training" if state.phase is Phase.TRAINING else "run"
+    if state.phase is Phase.TRAINING and state.driven >= state.limit:
+        return f"last training is done: {state.driven} commands"
     if state.phase in OVER:
         end = f"{state.phase.value} after {state.driven} of {state.limit} commands"
         return printable(f"last {what} {end}: {state.reason}".removesuffix(": "), _LONGEST)
@@ -112,5 +121,5 @@ def _with(words: str, more: str) -> str:
     return f"{words}; {more}" if more else words
 
 
-def _lately(when: float | None, now: float) -> bool:
-    return when is not None and now - when < _LATELY
+def _lately(when: float | None, since: float, now: float) -> bool:
+    return when is not None and when > since and now - when < _LATELY

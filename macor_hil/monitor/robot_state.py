@@ -167,6 +167,8 @@ class RobotState:
         frame: the latest picture, JPEG or PNG; the emulator's where no controller tells one.
         frames: arrivals of pictures.
         marks: collisions and failures, oldest first.
+        left: when the controller went, on the clock of the arrivals; None: it is there, or never
+            was.
         not_taken: samples that were refused or lost.
         version: counts what came.
     """
@@ -177,6 +179,7 @@ class RobotState:
     frame: bytes = b""
     frames: Arrivals = field(default_factory=Arrivals)
     marks: deque[Mark] = field(default_factory=lambda: deque(maxlen=_MARKS))
+    left: float | None = None
     not_taken: NotTaken = field(default_factory=NotTaken)
     version: int = 0
 
@@ -190,7 +193,7 @@ class RobotState:
         self.version += 1
         match event:
             case Presence():
-                self._meet(event.side, alive=event.alive)
+                self._meet(event.side, event.received * _NS, alive=event.alive)
             case Loss() | Refusal():
                 self.not_taken.count(event)
             case Arrival():
@@ -205,7 +208,7 @@ class RobotState:
         self.frame = picture
         self.frames.add(now)
 
-    def _meet(self, side: str, *, alive: bool) -> None:
+    def _meet(self, side: str, now: float, *, alive: bool) -> None:
         if side == EMULATOR:
             if alive:
                 self.emulated = Emulated()
@@ -214,6 +217,7 @@ class RobotState:
             if alive:
                 self.controlled, self.not_taken.last = Controlled(met=True), ""
             self.controlled.alive = alive
+            self.left = None if alive else now
 
     def _note(self, arrival: Arrival) -> None:
         now = arrival.received * _NS
@@ -245,9 +249,8 @@ class RobotState:
         if decision.sequence == 0:
             self.marks.clear()  # another run
         if decision.collided:
-            pose = self.emulated.pose_at(decision.time) or decision.odometry.pose
             words = f"collision at command {decision.sequence}"
-            self.marks.append(Mark(MarkKind.COLLISION, decision.sequence, pose, words))
+            self.marks.append(Mark(MarkKind.COLLISION, decision.sequence, self.pose, words))
 
     def _enter(self, state: State) -> None:
         before, self.controlled.state = self.controlled.state, state

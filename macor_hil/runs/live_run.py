@@ -28,7 +28,7 @@ from typing import Any, Final
 
 import numpy as np
 import zenoh
-from khepera_protocol.zenoh.controller_payloads import Phase
+from khepera_protocol.zenoh.controller_payloads import Phase, Steer
 from khepera_protocol.zenoh.payloads import Pose
 
 from macor_hil.errors import CameraError, MacorError, RobotError
@@ -79,7 +79,11 @@ def serve(options: RunOptions, on_step: OnStep | None = None, start: Pose = _ORI
     """
     brain, settings = _prepare(options)
     planner = _prepared(_planner_of(options, brain), brain)
-    helm = Helm(lambda wish: _planner_of(options.steered(wish), brain))
+
+    def check(wish: Steer) -> None:
+        _planner_of(options.steered(wish), brain)
+
+    helm = Helm(check)
     with (
         signals_taken_over() as interruption,
         _telemetry(options, interruption, helm) as (session, publisher),

@@ -171,7 +171,7 @@ def _cookie(headers: list[tuple[bytes, bytes]]) -> str:
 
 async def _read(receive: Receive) -> bytes | None:
     """Return the body of a request; None where it is longer than a form."""
-    body = b""
+    body: bytes = b""
     while True:
         message = await receive()
         body += message.get("body", b"")

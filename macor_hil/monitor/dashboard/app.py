@@ -5,7 +5,7 @@ import json
 import socket
 import ssl
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Final
@@ -120,7 +120,7 @@ def application(
     open_view: Callable[[Look], View],
     failures: Failures,
     steer: Steer | None = None,
-    lifespan: Callable[[Starlette], "asyncio.AbstractAsyncContextManager[None]"] | None = None,
+    lifespan: Callable[[Starlette], AbstractAsyncContextManager[None]] | None = None,
 ) -> Starlette:
     """Return the pages and the WebSocket, without a guard; see `run` for the arguments."""
     there = 0

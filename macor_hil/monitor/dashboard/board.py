@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from html import escape
 from typing import Any, Final
 
-from khepera_protocol.zenoh.payloads import Pose
-
 from macor_hil.monitor.dashboard.drawings import arena, charts, eyes, texts
 from macor_hil.monitor.dashboard.drawings.svg import element
 from macor_hil.monitor.driving import driver_of
@@ -85,7 +83,7 @@ class Board:
     def _arena(self, watched: RobotState, others: Mapping[str, RobotState]) -> Parts:
         outline = watched.emulated.outline
         pieces = arena.way_pieces(watched)
-        pose, radius = _pose(watched), arena.radius_of(outline)
+        pose, radius = watched.pose, arena.radius_of(outline)
         ways = arena.hypothetical_ways(watched)
         if outline and outline.solids:
             window = arena.whole(outline, ())
@@ -106,7 +104,7 @@ class Board:
             name = f"way/{number}"
             parts[name] = self._once(name, lambda each, _: arena.way_piece(each), piece, len(piece))
         for name, other in _same_world(watched, others).items():
-            where = _pose(other)
+            where = other.pose
             if where is None:
                 continue
             look = _look(other, chosen=other is watched)
@@ -229,13 +227,6 @@ def _same_world(watched: RobotState, others: Mapping[str, RobotState]) -> Mappin
         and other.emulated.outline.world == world
     }
     return {**found, watched.robot: watched}
-
-
-def _pose(watched: RobotState) -> Pose | None:
-    pieces = arena.way_pieces(watched)
-    if watched.emulated.truth:
-        return watched.emulated.truth.pose
-    return next(reversed(pieces.values()))[-1] if pieces else None
 
 
 def _look(watched: RobotState, *, chosen: bool) -> str:

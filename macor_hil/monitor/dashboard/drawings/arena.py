@@ -196,7 +196,7 @@ def robot(name: str, pose: Pose, radius: float, look: str, *, named: bool) -> st
     turned = f"translate({x} {y}) rotate({degrees(-pose.heading):.1f})"
     shapes = element("g", body, transform=turned)
     if named:
-        shapes += element("text", clean(name), x=x, y=y + r, dy="1.1em", class_="label")
+        shapes += element("text", clean(name), x=x, y=y + r, dy="1.2em", class_="label")
     return element("g", tip(name), shapes, class_=f"robot {look}".strip(), data_kind="robot")
 
 

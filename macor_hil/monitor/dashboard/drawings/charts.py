@@ -115,7 +115,11 @@ def reinforcement(history: Sequence[Decision], marks: Iterable[Mark]) -> str:
     """Draw the reinforcement of the latest commands, a bar each; collisions and failures marked."""
     shown = history[-MOST_BARS:]
     top = top_reinforcement(shown)
-    failed = {mark.sequence: mark for mark in marks if mark.kind is not MarkKind.COLLISION}
+    failed = {
+        next((each.sequence for each in shown if each.sequence >= mark.sequence), None): mark
+        for mark in marks
+        if mark.kind is not MarkKind.COLLISION and mark.sequence is not None
+    }
     shapes = []
     for k, decision in enumerate(shown):
         x, height = 6 * k, _HEIGHT * max(decision.reinforcement, 0.0) / top
@@ -125,7 +129,7 @@ def reinforcement(history: Sequence[Decision], marks: Iterable[Mark]) -> str:
         bar = element("rect", x=x, y=88 - height, width=4.5, height=height)
         if decision.collided:
             bar += element("path", d=f"M{x - 0.5} 76l6 6m0 -6l-6 6", class_="mark collision")
-        elif mark := failed.get(decision.sequence):
+        if mark := failed.get(decision.sequence):
             hint = tip(f"command {decision.sequence}: {mark.words}")
             bar += element("path", d=f"M{x + 2.2} 1l3.2 6h-6.4z", class_=f"mark {mark.kind}")
         shapes.append(element("g", hint, bar, class_=look, data_kind="reward"))

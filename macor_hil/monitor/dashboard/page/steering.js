@@ -31,7 +31,7 @@ function choice(label, names) {
 }
 
 function number(label, step) {
-  return element("input", { type: "number", step, value: "0", ariaLabel: label, title: label });
+  return element("input", { type: "number", step, value: "0", ariaLabel: label });
 }
 
 export function prepareSteering({ planners, goals }, wish) {
@@ -59,7 +59,8 @@ export function prepareSteering({ planners, goals }, wish) {
       button("Stop", () => wish({ do: "stop" }), "ends the run")),
     group("Plan by", planner, button("Use planner", () => wish({ do: "planner", name: planner.value })),
       goal, button("Drive to goal", () => wish({ do: "goal", name: goal.value }))),
-    group("Place", what, x, y, heading,
+    group("Place", what, element("label", {}, "x ", x), element("label", {}, "y ", y), " cm",
+      element("label", {}, "heading ", heading), "°",
       button("Place", () => place(x.value / 100, y.value / 100, (heading.value * Math.PI) / 180)), mouse,
       button("At its start", () => wish({ do: "start" })), button("Anywhere", () => wish({ do: "random" }))),
     group("Faults", fault, element("datalist", { id: "fault-names" }, ...FAULTS.map((each) => element("option", { value: each }))),
