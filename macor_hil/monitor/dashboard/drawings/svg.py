@@ -49,4 +49,7 @@ def rgb(colour: tuple[float, float, float]) -> str:
 
 
 def _value(value: object) -> str:
-    return f"{value:.5g}" if isinstance(value, float) else escape(str(value))
+    if isinstance(value, float):
+        return f"{value:.5g}"
+    text = str(value)
+    return escape(text if text.isprintable() else printable(text))
