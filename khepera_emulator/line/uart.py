@@ -69,6 +69,7 @@ class Uart:
     def note_faults(self) -> None:
         """Take note that faults were switched on or off."""
         self._faulty = bool(self.faults)
+        self._plain = not self._faulty and not self._garbled
 
     @property
     def baud(self) -> int | None:
