@@ -151,7 +151,7 @@ def test_a_training_can_be_watched(tmp_path: Path) -> None:
     ):
         # a whole training: time enough for a watcher to find it
         told = None
-        while training.poll() is None and not (told and {"arena", "truth"} <= seen):
+        while training.poll() is None and not (told and told.driven and {"arena", "truth"} <= seen):
             event = feed.get(0.1)
             if isinstance(event, Arrival):
                 seen.add(event.leaf)

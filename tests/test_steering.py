@@ -1,6 +1,7 @@
 """Steering from outside: things, faults, and a run that is paused or changes its planner."""
 
 import threading
+from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -24,6 +25,14 @@ from macor_hil.runs.options import RunOptions
 from macor_hil.telemetry.session import open_session
 
 PORT = "khepera://corridor?seed=1&drift=none"
+
+
+def ask_until_known(session: zenoh.Session) -> None:
+    """Return when a steer key is known to a session, by a wish for nothing."""
+    for _ in range(100):
+        with suppress(TelemetryError):
+            ask_to_steer(session, "khepera", Steer())
+            return
 
 
 def anything(_: Steer) -> None: ...
@@ -115,9 +124,10 @@ def test_only_a_wish_on_exactly_the_key_steers() -> None:
     helm = Helm(anything)
     with (
         open_session([endpoint], []) as session,
-        open_session([], [endpoint]) as other,
         SteerKey(session, "khepera", helm),
+        open_session([], [endpoint]) as other,
     ):
+        ask_until_known(other)
         for key, payload in (
             ("macor/*/steer", '{"pause":true}'),
             ("macor/khepera/steer", ""),
