@@ -127,7 +127,17 @@ def one_robot(folder: Path) -> None:
             recording = recorder.enter_context(subprocess.Popen(command))
             recorder.callback(recording.terminate)
             run = ("run", "--port", str(link), "--camera", "zenoh", "--map", "runs/corridor.npz")
-            drive = (*run, "--connect", EMULATOR, "--listen", CONTROLLER, "--planner", "graded")
+            drive = (
+                *run,
+                "--connect",
+                EMULATOR,
+                "--listen",
+                CONTROLLER,
+                "--planner",
+                "graded",
+                "--camera-limit",
+                "0",
+            )
             recorder.enter_context(program("macor_hil.cli", *drive, "--commands", "60"))
             take(folder / "dashboard.png", address, _LATER)
             take(folder / "dashboard-light.png", address, _LATER, Screen(1920, 1080, "light"))
