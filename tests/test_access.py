@@ -1,4 +1,4 @@
-"""Who may use the dashboard: passwords, sessions, and the options that others' reach takes."""
+"""The dashboard's guard: passwords, sessions, and the options that others' reach takes."""
 
 import asyncio
 import re

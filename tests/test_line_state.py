@@ -1,4 +1,4 @@
-"""What a robot's serial line tells of it, whoever drives."""
+"""State of a robot's serial line of it, whoever drives."""
 
 from khepera_protocol.zenoh.payloads import Wire, WireEntry
 

@@ -143,7 +143,7 @@ class DashboardOptions(ZenohConfigOptions):
 
     @property
     def doors(self) -> "Doors":
-        """Where the page is served, and to whom."""
+        """Address of the page, and those whom it is served to."""
         from macor_hil.monitor.dashboard.access import LOOPBACK
         from macor_hil.monitor.dashboard.app import Doors
 

@@ -1,4 +1,4 @@
-"""Who drives a robot, in words: a controller of this project, a training, another program, nobody.
+"""The driver of a robot, in words: this project's controller, a training, another program, nobody.
 
 For the terminal and the browser alike.
 """

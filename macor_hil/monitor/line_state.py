@@ -1,4 +1,4 @@
-"""What a robot's serial line tells of it, whoever drives: exchanges, readings, speeds and lamps."""
+"""State of a robot's serial line, whoever drives: exchanges, readings, speeds and lamps."""
 
 from collections import deque
 from dataclasses import dataclass

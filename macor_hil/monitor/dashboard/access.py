@@ -1,4 +1,4 @@
-"""Who may use the dashboard: pages of its own names, and browsers that know its password.
+"""Guards the dashboard: for pages of its own names, and browsers that know its password.
 
 A page from elsewhere, open in the same browser, can send requests to this machine: by a name of its
 own that leads here (DNS rebinding; its `Host` gives it away), or as what it is (its `Origin` does).
@@ -25,7 +25,7 @@ LOOPBACK: Final = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
 LOGIN: Final = "/login"
 _OPEN: Final = frozenset({LOGIN, "/page.css", "/icon.svg"})
-"""What is served before the password is known."""
+"""Paths that are served before the password is known."""
 
 _COOKIE: Final = "macor-session"
 _LASTS: Final = 12 * 3600

@@ -36,7 +36,7 @@ _ENDING: Final = 1
 
 @dataclass(frozen=True)
 class Doors:
-    """Where the page is served, and to whom.
+    """Address of the page, and those whom it is served to.
 
     Attributes:
         host, port: address to listen on; port 0: a free one.

@@ -90,7 +90,7 @@ class Live:
 
 
 class View(Protocol):
-    """What one browser looks at."""
+    """Something that one browser looks at."""
 
     robot: str
 
