@@ -13,7 +13,7 @@ import serial
 from figures import Figure, percentile
 from khepera_protocol.serial.units import wire_time
 
-from khepera_emulator.line.uart import INTERPRETER_TIME
+from khepera_emulator.line.dialect import KHEPERA
 
 _EXCHANGES = 3000
 _PACED = {9600: 60, 38400: 150, 115200: 300}
@@ -150,7 +150,7 @@ class WireTime:
                 start = clock()
                 reply = self._robot.by_chunk(_SENSORS)
                 taken = clock() - start
-                ideal = wire_time(len(_SENSORS) + len(reply), rate) + INTERPRETER_TIME
+                ideal = wire_time(len(_SENSORS) + len(reply), rate) + KHEPERA.busy
                 self._errors["robot", rate].append(taken - ideal)
                 self._ideals[rate] = ideal
                 wait = f"{ideal:.6f}\n".encode()

@@ -9,7 +9,7 @@ from figures import Figure
 from planning_speed import in_neuron
 from stopwatch import Part, Stopwatch
 
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.khepera.robot import Robot
 from macor_hil.hardware.bench import PortBench
 from macor_hil.hardware.cameras.port_camera import PortCamera
 from macor_hil.hardware.devices import open_hardware

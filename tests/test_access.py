@@ -48,7 +48,7 @@ def ask(
     kind: str = "http",
     **headers: str,
 ) -> tuple[Any, dict[str, str]]:
-    """What a request is answered with: a status or a WebSocket's message, and headers."""
+    """The answer to a request: a status or a WebSocket's message, and headers."""
     pairs = {"host": HOST, "origin": f"http://{HOST}", **headers}
     scope: Scope = {
         "type": kind,

@@ -17,7 +17,7 @@ from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.paths import check_name, check_output
 from khepera_emulator.ports.port import Port
-from khepera_emulator.robot.emulator import make_fleet
+from khepera_emulator.robot.emulator import make_robots
 from khepera_emulator.robot.options import AUTO, RobotOptions, UrlOptions
 
 
@@ -46,13 +46,13 @@ def serve(
     count = options.robots
     faults = read_script(line.fault_script) if line.fault_script else []
     robots = [UrlOptions.of(options, number, faults) for number in range(1, count + 1)]
-    setup = robots[0].setup()
+    setups = robots[0].setups()
     names = _numbered(zenoh.robot, count)
     links, files = _links(line.link, count), _recordings(line.record, count)
     ending.hold()  # what is made from here on is put away at the end
     with ExitStack() as stack:
         claims = [stack.enter_context(Link(path)) if path else None for path in links]
-        emulators = make_fleet(setup, count)
+        emulators = make_robots(setups)
         stack.callback(emulators[0].close)
         channels = _channels(stack, names, zenoh)
         ports = _ports(stack, line, claims)

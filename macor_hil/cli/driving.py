@@ -144,14 +144,14 @@ def demo(
                 settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}")
             )
     pictures = [picture]
-    draw_trials(picture, result.outline, result.trials)
+    draw_trials(picture, {name: (result.outline, one) for name, one in result.trials.items()})
     rows = [(name, settings.arena, trial) for name, trial in result.trials.items()]
     if result.harder is None:
         typer.echo(f"{map_file} is older than the planner for the {HARDER}; take it away to see it")
     else:
         outline, trial = result.harder
         pictures.append(folder / f"{HARDER}.png")
-        draw_trials(pictures[-1], outline, {PLANNER_IN_HARDER: trial})
+        draw_trials(pictures[-1], {PLANNER_IN_HARDER: (outline, trial)})
         rows.append((PLANNER_IN_HARDER, HARDER, trial))
     table = Table("planner", "arena", "commands", "reinforcement", "collision")
     for name, arena, trial in rows:

@@ -17,7 +17,6 @@ from khepera_emulator.app.cli.replay_command import ReplayOptions, replay
 from khepera_emulator.app.ending import STATUS, Ending
 from khepera_emulator.app.options import LineOptions, ZenohOptions
 from khepera_emulator.robot.options import RobotOptions
-from khepera_emulator.world.bullet import load_physics
 
 _EXAMPLES = f"""[bold]Examples[/bold]
 
@@ -87,7 +86,6 @@ def run(
     handler = logging.StreamHandler()
     handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(level=log_level.upper(), handlers=[handler])
-    load_physics()
     from khepera_emulator.app.serving import serve
 
     serve(robots, line, zenoh, ctx.find_object(Ending) or Ending(), _announce)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from khepera_emulator.robot.choices import Choices
+from khepera_emulator.robot.khepera.choices import Choices
 from khepera_emulator.turrets.radio import RadioMedium
 
 

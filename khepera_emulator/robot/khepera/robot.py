@@ -1,17 +1,16 @@
-"""The robot as its firmware finds it: wheels, sensors, lamps and bus, at one moment of time."""
+"""A Khepera as its firmware finds it: wheels, sensors, lamps and bus, at one moment of time."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 from khepera_protocol.serial.units import CONTROL_PERIOD, PULSE
-from khepera_protocol.zenoh.payloads import Pose, Truth, WheelDrift
+from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 
-from khepera_emulator.body.chassis import Chassis
-from khepera_emulator.body.drift import slip_sequence
 from khepera_emulator.body.motors import Gains, Profile, Wheel
-from khepera_emulator.models import Model
+from khepera_emulator.models import KheperaModel
 from khepera_emulator.robot.ailments import Ailments
-from khepera_emulator.robot.equipment import Equipment
+from khepera_emulator.robot.khepera.equipment import Equipment
+from khepera_emulator.robot.rolling import Pair, Rolling
 from khepera_emulator.senses.infrared import SCAN_PERIOD, Infrared
 from khepera_emulator.turrets.grasp import WorldThings
 from khepera_emulator.turrets.rack import Fittings, mount
@@ -24,9 +23,6 @@ _BATTERY_COUNTS = 600
 
 _HELD = 1e-6
 """Counts a period by which a wheel that nothing holds may miss what its motor wants."""
-
-_SPOT_SLIP = 2.0
-"""Slip of a robot that turns on the spot, over that of one that drives (a choice)."""
 
 
 @dataclass(slots=True)
@@ -48,7 +44,7 @@ class Panel:
     loading: bool = False
 
 
-class Robot:
+class Robot(Rolling):
     """One Khepera in a world; its time advances in control periods of 10 ms.
 
     Args:
@@ -60,15 +56,14 @@ class Robot:
         equipment: what it carries, and the choices of its firmware.
         dead_man: seconds without a request after which it stops by itself; None: never.
         ailments: faults of its own; None: there are none.
-
-    Attributes:
-        ailments: faults of its own; None: there are none.
     """
+
+    panel: Panel
 
     def __init__(
         self,
         world: World,
-        model: Model,
+        model: KheperaModel,
         pose: Pose,
         drift: WheelDrift,
         rng: np.random.Generator,
@@ -76,19 +71,11 @@ class Robot:
         dead_man: float | None = None,
         ailments: Ailments | None = None,
     ) -> None:
-        self.model = model
-        self.ailments = ailments
-        self._dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
-        self._heard = 0
-        self.equipment = equipment or Equipment()
         slip, sensors, turrets = rng.spawn(3)
-        self.drift = drift
-        self._slip = slip_sequence(slip)
-        self._slip_sd, self._spot_slip_sd = drift.slip, drift.slip * _SPOT_SLIP
-        self.chassis = Chassis(world, model, self.drift, pose)
+        super().__init__(world, model, pose, drift, slip, dead_man, ailments)
+        self.model = model
+        self.equipment = equipment or Equipment()
         self.infrared = Infrared(model, self.chassis.scene, world.arena.lamp, sensors)
-        self.touched = False
-        self.ticks = 0
         self._scans: dict[str, tuple[int, ...]] = {}
         self._start_scan()
         self._free = self._counts = (0.0, 0.0)
@@ -104,43 +91,18 @@ class Robot:
         self.wheels = self._wheel(), self._wheel()
         self.panel = Panel()
 
-    def heard(self) -> None:
-        """Notice a request: whoever sends them is alive."""
-        self._heard = self.ticks
-
     def put_down(self, pose: Pose) -> None:
         """Move the robot somewhere else and power it on afresh."""
-        self.chassis.place(pose)
-        self.touched = False
-        self._heard = self.ticks
+        super().put_down(pose)
         self._free = self._counts = (0.0, 0.0)
         self._start_scan()
-        self.power_on()
         self.turrets.power_on()
-
-    @property
-    def time(self) -> float:
-        """Seconds of simulated time since the robot was made."""
-        return self.ticks * CONTROL_PERIOD
 
     @property
     def moving(self) -> bool:
         """True if a wheel turns or is driven."""
         left, right = self.wheels
         return not (left.at_rest() and right.at_rest())
-
-    def run(self, ticks: int) -> None:
-        """Let control periods pass up to the given number since the robot was made.
-
-        For a robot in a world where nothing else moves; see `periods` for others.
-        """
-        roll = self.chassis.roll
-        left, right = self.wheels
-        while self.ticks < ticks:
-            if left.at_rest() and right.at_rest():
-                self.rest(ticks)
-                return
-            self.arrive(roll(*self._intend()))
 
     def rest(self, ticks: int) -> None:
         """Let control periods pass in which nothing moves; see `run`."""
@@ -152,11 +114,7 @@ class Robot:
         if self._carries:
             self.turrets.step(self.time)
 
-    def aim(self) -> None:
-        """Begin a control period with what the motors want."""
-        self.chassis.aim(*self._intend())
-
-    def arrive(self, ways: tuple[float, float]) -> None:
+    def arrive(self, ways: Pair) -> None:
         """End a control period in which the wheels have turned so many metres."""
         self.ticks += 1
         if self.chassis.contact:
@@ -171,10 +129,6 @@ class Robot:
             self._start_scan()
         if self._carries:
             self.turrets.step(self.time)
-
-    def tick(self) -> None:
-        """Let one control period pass."""
-        self.run(self.ticks + 1)
 
     def proximity(self) -> tuple[int, ...]:
         """Return the latest proximity scan: eight counts."""
@@ -202,18 +156,6 @@ class Robot:
             return counts
         return self.ailments.battery(self.time, counts)
 
-    def truth(self) -> Truth:
-        """Return ground truth, for scoring."""
-        return Truth(
-            time=self.time,
-            pose=self.chassis.pose,
-            speed=self.chassis.ground_speed,
-            contact=self.chassis.contact,
-            touched=self.touched,
-            drift=self.drift,
-            faults=() if self.ailments is None else self.ailments.names(self.time),
-        )
-
     def _start_scan(self) -> None:
         chassis = self.chassis
         self._scan_pose = chassis.x, chassis.y, chassis.heading
@@ -234,10 +176,10 @@ class Robot:
             things=WorldThings(world, scene),
         )
 
-    def _intend(self) -> tuple[tuple[float, float], tuple[float, float]]:
+    def _intend(self) -> tuple[Pair, Pair]:
         """Return ways in metres that the motors give the wheels in this period, and their slips."""
         left, right = self.wheels
-        if self._dead_man is not None and self.ticks - self._heard >= self._dead_man:
+        if self._is_forgotten():
             left.drive_speed(0)
             right.drive_speed(0)
         free = left.control(), right.control()
@@ -247,11 +189,7 @@ class Robot:
         # mean of the speeds at both ends of the period, in counts and metres a period
         mean_left, mean_right = (left.speed + free_left) / 2, (right.speed + free_right) / 2
         self._counts = mean_left, mean_right
-        sd = self._spot_slip_sd if mean_left * mean_right < 0.0 else self._slip_sd
-        slip_left, slip_right = next(self._slip)
-        slip = sd * slip_left, sd * slip_right
-        if self.ailments is not None:
-            slip = self.ailments.slip(self.time, slip)
+        slip = self._draw_slip(mean_left * mean_right < 0.0)
         return (mean_left * PULSE, mean_right * PULSE), slip
 
     def _wheel(self) -> Wheel:

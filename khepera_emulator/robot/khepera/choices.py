@@ -7,17 +7,23 @@ and the fixed ones, with the reasons. A switch is set as `--firmware NAME` or
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
-from khepera_protocol.text import quoted
+from khepera_emulator.robot.switches import Form, parse_switches, switch_names
 
-from khepera_emulator.errors import EmulatorError
+_COUNT: Final = re.compile(r"[0-9]{1,2}", re.ASCII), "give 0 to 99"
+_VERSION: Final = re.compile(r"[0-9]\.[0-9]{2}", re.ASCII), "a version looks like 5.01"
+_TEXT: Final = re.compile(r"[ -~]{1,60}"), "give 1 to 60 printable characters"
 
-_VERSION: Final = re.compile(r"[0-9]\.[0-9]{2}", re.ASCII)
-_TEXT: Final = re.compile(r"[ -~]{1,60}")
-_COUNT: Final = re.compile(r"[0-9]{1,2}", re.ASCII)
-_VERSIONS: Final = ("bios", "protocol", "rom_revision")
+_FORMS: Final[dict[str, Form]] = {
+    "reached_within": _COUNT,
+    "bios": _VERSION,
+    "protocol": _VERSION,
+    "rom_revision": _VERSION,
+    "rom_name": _TEXT,
+    "rom_date": _TEXT,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +65,7 @@ class Choices:
 
 def option_names() -> list[str]:
     """List the names of the switches, as users write them."""
-    return [field.name.replace("_", "-") for field in fields(Choices)]
+    return switch_names(Choices())
 
 
 def parse_choices(items: Iterable[str]) -> Choices:
@@ -68,35 +74,4 @@ def parse_choices(items: Iterable[str]) -> Choices:
     Raises:
         EmulatorError: an unknown name, or a value that it does not take.
     """
-    values: dict[str, Any] = {}
-    for item in items:
-        name, equals, text = item.partition("=")
-        if name not in option_names():
-            raise EmulatorError(
-                f"unknown firmware option {quoted(name)}; there are {', '.join(option_names())}"
-            )
-        attribute = name.replace("-", "_")
-        default = getattr(Choices(), attribute)
-        values[attribute] = _flag(item, equals) if default is False else _value(name, text, default)
-    return Choices(**values)
-
-
-def _flag(item: str, equals: str) -> bool:
-    if equals:
-        raise EmulatorError(f"firmware option {quoted(item)}: a switch takes no value")
-    return True
-
-
-def _value(name: str, text: str, default: object) -> int | str:
-    if isinstance(default, int):
-        if not _COUNT.fullmatch(text):
-            raise EmulatorError(f"firmware option {name}={quoted(text)}: give 0 to 99")
-        return int(text)
-    if name.replace("-", "_") in _VERSIONS:
-        if not _VERSION.fullmatch(text):
-            raise EmulatorError(f"firmware option {name}={quoted(text)}: a version looks like 5.01")
-    elif not _TEXT.fullmatch(text):
-        raise EmulatorError(
-            f"firmware option {name}={quoted(text)}: give 1 to 60 printable characters"
-        )
-    return text
+    return parse_switches(Choices(), items, _FORMS)

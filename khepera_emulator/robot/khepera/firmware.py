@@ -20,8 +20,8 @@ from khepera_protocol.serial.messages import (
 from khepera_protocol.serial.turrets import parse_message
 
 from khepera_emulator.body.motors import Gains, Mode, Profile, Wheel
-from khepera_emulator.robot.robot import Robot
-from khepera_emulator.robot.tools import (
+from khepera_emulator.robot.khepera.robot import Robot
+from khepera_emulator.robot.khepera.tools import (
     LOADER_DONE,
     About,
     begins_loader,
