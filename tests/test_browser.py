@@ -245,7 +245,9 @@ def measures(browser: Chrome) -> tuple[int, int]:
     return width, height
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1920, 1080)])
+@pytest.mark.parametrize(
+    ("width", "height"), [(1280, 800), pytest.param(1920, 1080, marks=pytest.mark.long)]
+)
 def test_everything_is_seen_at_once(browser: Chrome, played: str, width: int, height: int) -> None:
     size(browser, width, height)
     visit(browser, played)
@@ -302,7 +304,7 @@ axe.run().then((found) => done(found.violations.map(told)));
 """
 
 
-@pytest.mark.parametrize("scheme", ["dark", "light"])
+@pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.long)])
 def test_an_accessibility_checker_finds_no_fault(browser: Chrome, played: str, scheme: str) -> None:
     axe = pytest.importorskip("axe_core_python")
     size(browser, 1280, 800)
@@ -348,6 +350,7 @@ def test_a_robot_is_placed_with_the_mouse(browser: Chrome) -> None:
     assert not_none(reset.pose).heading == pytest.approx(1.5708, abs=0.01)
 
 
+@pytest.mark.long
 def test_a_password_opens_the_page(browser: Chrome) -> None:
     from selenium.webdriver.support.expected_conditions import staleness_of
 
