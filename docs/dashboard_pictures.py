@@ -134,7 +134,7 @@ def one_robot(folder: Path) -> None:
                 "--listen",
                 CONTROLLER,
                 "--planner",
-                "graded",
+                "anticipative",
                 "--camera-limit",
                 "0",
             )

@@ -182,6 +182,7 @@ class Board:
             "infrared": self._once("infrared", lambda *each: charts.infrared(each), *values)
             if values
             else self._once("no infrared", lambda: charts.infrared(None)),
+            "infrared@hidden": None if values else "",
             "robot-rows": texts.rows(of_robot),
             "health-rows": texts.rows(health),
             "exchanges": self._once(
