@@ -6,10 +6,11 @@
 #   make asv    the same for commits, kept and compared (three minutes a commit; COMMITS="HEAD~3..HEAD")
 #   make hostile  bad inputs at every edge, forty times as many as in make test (minutes)
 #   make soak   long use of the serial line (ten minutes)
-#   make soak-service     an hour of service under random faults, ten times faster
+#   make soak-service     an hour of service under random faults and restarts, ten times faster
 #   make soak-watchers    an hour of eight robots and all who watch them, five times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
+#   make viewer           Foxglove Studio for its tests, in tests/viewer/node_modules (npm, 36 MB)
 #   make docs             the documentation site, in build/site/VERSION (a few minutes)
 #   make man              man pages of both programs and their commands, in build/man
 #   make dist             source distribution and wheel, built and checked, in dist
@@ -38,7 +39,7 @@ COMMITS ?= HEAD^!
 VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 SITE ?= build/site
 
-.PHONY: run test test-long style lint hostile bench asv soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist pythons workflows lock clean
+.PHONY: run test test-long style lint hostile bench asv soak soak-service soak-watchers pyserial-suite faults stop-times viewer docs man dist pythons workflows lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -89,6 +90,9 @@ soak-service: $(READY)
 
 soak-watchers: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak_watchers.py
+
+viewer:
+	cd tests/viewer && npm ci --no-audit --no-fund
 
 docs: $(RELEASE_READY)
 	rm -rf $(SITE)/$(VERSION)

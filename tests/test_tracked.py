@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 from planning_speed import Planning
+from simulation import _CASES
 from tracked.ratios import Medians, Ratios
+from training_command import _PARTS
 
 FOLDER = Path(__file__).parent.parent / "benchmarks"
 
@@ -80,3 +82,8 @@ def test_the_greatest_map_of_the_benchmark_can_be_loaded() -> None:
     with ExitStack() as stack:
         found = Planning(stack).round()
     assert all(seconds > 0.0 for seconds in found.values())
+
+
+def test_the_parts_that_are_timed_are_there() -> None:
+    for name, (owner, method) in [*_PARTS.items(), *(case.part for case in _CASES)]:
+        assert callable(getattr(owner, method, None)), name

@@ -140,7 +140,7 @@ class Khepera:
                 self._broken = isinstance(error, LinkError) or self._failures % _ATTEMPTS == 0
                 if self.clock() >= deadline:
                     raise
-                _log.info("not back yet: %s", error)
+                _log.debug("not back yet: %s", error)
                 self._line.pause(_PAUSE)
             else:
                 self._failures = 0

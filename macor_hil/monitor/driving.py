@@ -8,7 +8,7 @@ from math import inf
 from typing import Final, NamedTuple
 
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.controller_payloads import Phase
+from khepera_protocol.zenoh.controller_payloads import Phase, State
 
 from macor_hil.monitor.robot_state import RobotState
 
@@ -92,9 +92,9 @@ def last_run(watched: RobotState) -> str:
     if state.phase is Phase.TRAINING and state.driven >= state.limit:
         return f"last training is done: {state.driven} commands"
     if state.phase in OVER:
-        end = f"{state.phase.value} after {state.driven} of {state.limit} commands"
+        end = f"{state.phase.value} after {_commands(state)}"
         return printable(f"last {what} {end}: {state.reason}".removesuffix(": "), _LONGEST)
-    return f"last {what} vanished after {state.driven} of {state.limit} commands"
+    return f"last {what} vanished after {_commands(state)}"
 
 
 def _controller(watched: RobotState) -> Driver:
@@ -105,7 +105,7 @@ def _controller(watched: RobotState) -> Driver:
         share = f"{100 * state.driven / max(state.limit, 1):.0f} %"
         words = f"training, {share}: {state.driven} of {state.limit} commands"
         return Driver(Who.TRAINING, "good", words, f"training {share}")
-    words = f"controller {state.phase.value}, {state.driven} of {state.limit} commands"
+    words = f"controller {state.phase.value}, {_commands(state)}"
     moods = {
         Phase.DRIVING: "good",
         Phase.PAUSED: "calm",
@@ -113,8 +113,16 @@ def _controller(watched: RobotState) -> Driver:
         Phase.FAILED: "bad",
     }
     words = printable(_with(words, state.reason), _LONGEST)
-    brief = f"{state.phase.value} {state.driven}/{state.limit}"
+    share = f"/{state.limit}" if state.limit else ""
+    brief = f"{state.phase.value} {state.driven}{share}"
     return Driver(Who.CONTROLLER, moods.get(state.phase, "busy"), words, brief)
+
+
+def _commands(state: State) -> str:
+    """Return how many commands were driven, and of how many, where there is a limit."""
+    return (
+        f"{state.driven} of {state.limit} commands" if state.limit else f"{state.driven} commands"
+    )
 
 
 def _with(words: str, more: str) -> str:
