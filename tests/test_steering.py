@@ -19,10 +19,10 @@ from test_khepera_url import ask, open_port
 from khepera_emulator.errors import EmulatorError
 from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.monitor.roster import Roster
-from macor_hil.runs.helm import Helm, SteerKey, ask_to_steer
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 from macor_hil.telemetry.session import open_session
+from macor_hil.telemetry.steer_key import Helm, SteerKey, ask_to_steer
 
 PORT = "khepera://corridor?seed=1&drift=none"
 

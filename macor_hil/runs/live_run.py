@@ -7,7 +7,7 @@
                      wait for robot and camera, open them
       drive          until a collision, the last command, a goal, or somebody ends the run
         _drive_on      look, plan, drive a command, learn, tell watchers; again
-        _steered       pause or change planner, where that is allowed (`helm`)
+        _steered       pause or change planner, where that is allowed (`telemetry.steer_key`)
         _back_off      after a collision, where that does not end the run: away from the wall
         _recover       after a failure: stop, wait until robot and camera work, drive on
                      whatever is raised stops the robot before it goes on (`standing_on_failure`)
@@ -52,7 +52,6 @@ from macor_hil.mind.experience import Moment
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.planners.planner import Aim, Plan, Planner, Preparing, aim_of, is_over
 from macor_hil.runs.agent import Agent
-from macor_hil.runs.helm import Helm, SteerKey
 from macor_hil.runs.learning_on import LearningOn, learning_on
 from macor_hil.runs.options import AfterCollision, RunOptions
 from macor_hil.runs.recovery import pause, wait_for, wait_until_both_work
@@ -63,6 +62,7 @@ from macor_hil.safety.late_bell import LateBell
 from macor_hil.telemetry.metrics import metrics_of
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
+from macor_hil.telemetry.steer_key import Helm, SteerKey
 from macor_hil.telemetry.stop_key import StopKey
 
 _log = logging.getLogger(__name__)
