@@ -76,11 +76,9 @@ def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     if not has_own_network():
         pytest.skip("the pages' well-known ports need a network namespace (unshare, ip)")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    # NiceGUI serves its own tests when it finds itself in pytest
-    outside = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
     done = subprocess.run(
         [*NETWORK, sys.executable, RUNNER, page, tmp_path],
-        env={**outside, "PATH": path},
+        env={**os.environ, "PATH": path},
         capture_output=True,
         text=True,
         timeout=8 * PATIENCE,

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import serial
 from emulator_process import emulator, free_endpoint
+from khepera_protocol.zenoh.controller_payloads import Phase, State
 from test_map_file import change_meta
 
 from macor_hil.cli import program
@@ -61,7 +62,7 @@ def refusal(done: subprocess.CompletedProcess[str], status: Status = Status.FAIL
         (("run", "--map", "{map}", "--camera", "video:none.mp4"), "cannot open the video source"),
         (("run", "--map", "{map}", "--listen", "here"), "an endpoint looks like"),
         (("train", "--map", "{map}"), "train it anew with --restart"),
-        (("train", "--map", "b.npz", "--port", "x", "--listen", "y"), "needs a khepera:// port"),
+        (("train", "--map", "b.npz", "--listen", "y"), "an endpoint looks like"),
         (("train", "--map", "b.npz", "--port", "khepera://moon"), "unknown arena 'moon'"),
         (("trials", "--map", "none.npz"), "there is no map none.npz"),
         (("look", "--camera", "port", "--port", "loop://"), "received b'B': another reply"),
@@ -151,13 +152,19 @@ def test_a_training_can_be_watched(tmp_path: Path) -> None:
         subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as training,
     ):
         # a whole training: time enough for a watcher to find it
-        while training.poll() is None and not {"arena", "truth"} <= seen:
+        told = None
+        while training.poll() is None and not (told and told.driven and {"arena", "truth"} <= seen):
             event = feed.get(0.1)
             if isinstance(event, Arrival):
                 seen.add(event.leaf)
+                if event.leaf == "state":
+                    told = State.parse(event.data)
         training.kill()
     # what would draw on the robot's chance is not offered
-    assert seen == {"arena", "truth"}
+    assert seen == {"arena", "truth", "state"}
+    assert told is not None
+    assert (told.phase, told.limit) == (Phase.TRAINING, 13_400)
+    assert 0 < told.driven < told.limit
 
 
 def test_a_watched_training_learns_the_same(trained: Path) -> None:
