@@ -33,6 +33,7 @@ PATH = rf"(?<![\w./-])(?:(?:[\w-]+/)*[\w-]+\.py\b|(?:{'|'.join(FOLDERS)})/[\w./-
 FENCED = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
 REFERENCE = (
     "khepera_protocol.serial",
+    "khepera_protocol.epuck",
     *(f"macor_hil.mind.{folder}" for folder in ("clusterers", "eyes", "foresight")),
     *(f"macor_hil.mind.{folder}" for folder in ("memories", "planners")),
     "macor_hil.hardware.cameras",

@@ -168,7 +168,7 @@ class _Line:
         self.lost = 0
         self._emulator = emulator
         self._port = port
-        self._follow_rate = follow_rate
+        self._follow_rate = follow_rate and emulator.uart.has_rate
         self._channel = channel
         listeners: list[WireListener] = [channel.tap] if channel else []
         listeners += [log] if log else []

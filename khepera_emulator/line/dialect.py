@@ -40,7 +40,8 @@ class Dialect:
     Attributes:
         splitter: makes what cuts a line into requests.
         restart: the request to start again, which a fault that resets the robot comes as.
-        first_rate: bits a second that the line shows until a client sets another rate.
+        first_rate: bits a second that the line shows until a client sets another rate; None: it is
+            no serial line, takes no time and has no rate.
         stop: stop bits of a character.
         busy: seconds between the end of a request and the first bit of its reply.
         receive_limit: bytes that the robot holds before its interpreter takes them; more are lost.
@@ -50,7 +51,7 @@ class Dialect:
 
     splitter: Callable[[], Splitter]
     restart: Any
-    first_rate: int
+    first_rate: int | None
     stop: int
     busy: float
     receive_limit: int

@@ -76,8 +76,8 @@ class Serial(SerialBase):
             from khepera_emulator.robot.emulator import make_robots
 
             options = UrlOptions.from_url(url)
-            self._follows = options.baud == AUTO
             self.emulator = make_robots(options.setups(self.allowed))[options.robot - 1]
+            self._follows = options.baud == AUTO and self.emulator.uart.has_rate
         except (EmulatorError, OptionError) as error:
             raise SerialException(f"{printable(url, 100)}: {printable(str(error), 1000)}") from None
         self.is_open = True

@@ -52,7 +52,7 @@ class OmniCamera:
         self._world = world
         # alone in a world a body has no looks
         self._carrier = carrier if world.shared else None
-        self._renderer = renderer or _renderer(world, mirror)
+        self._renderer = renderer or find_renderer(world, HEIGHT, mirror.low, mirror.high)
         self._mirror_map = self._look_up(*_mirror_rays(mirror))
         self._panorama_map = self._look_up(*_panorama_rays(mirror))
         self._inside = _inside(mirror)
@@ -96,10 +96,11 @@ class OmniCamera:
         return np.asarray(cv2.add(image, grain, dtype=cv2.CV_8U), dtype=np.uint8)
 
 
-def _renderer(world: World, mirror: Mirror) -> Renderer:
-    if not world.shared and suits(world.arena, HEIGHT):
-        return SkylineRenderer(world.arena, HEIGHT, mirror.low, mirror.high)
-    return FacesRenderer(world, HEIGHT, mirror.low, mirror.high)
+def find_renderer(world: World, height: float, low: float, high: float) -> Renderer:
+    """Return the fastest renderer that draws all there is between two elevations in radians."""
+    if not world.shared and suits(world.arena, height):
+        return SkylineRenderer(world.arena, height, low, high)
+    return FacesRenderer(world, height, low, high)
 
 
 def _mirror_rays(mirror: Mirror) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
