@@ -151,8 +151,8 @@ def epuck_page() -> str:
         codes = {**generation.codes, **codes}
     for byte, code in sorted(codes.items(), key=lambda item: _place(item[1])):
         answers = [_golden_row(code, *_PUCKS[name]) for name in names]
-        letter = "" if code.name.startswith("0x") else f"`{code.name}`"
-        cells = [f"{byte:02X}", letter, code.title, str(code.parameters or ""), *answers]
+        name = "" if code.name.startswith("0x") else f"`{code.name}`"
+        cells = [f"{byte:02X}", name, code.title, str(code.parameters or ""), *answers]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 

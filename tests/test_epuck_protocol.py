@@ -1,7 +1,7 @@
 """The e-puck's requests, answers and packets as bytes: tables, framing, numbers, round trips."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from khepera_protocol.epuck import codes, generations, letters
 from khepera_protocol.epuck.framing import Command, RequestSplitter, Sign
@@ -152,6 +152,7 @@ class TestFraming:
         assert isinstance(line, Line)
         assert len(line.text) == GCTRONIC2.longest
 
+    @settings(max_examples=40)
     @given(
         st.lists(
             st.sampled_from([b"Q\r", b"D,1,2\r\n", b"\xb2\x00", b"\xf8\xf7", b"\x00", b"\x0d\x0a"])
@@ -165,6 +166,7 @@ class TestFraming:
     ) -> None:
         assert cut(data, generation, piece) == cut(data, generation)
 
+    @settings(max_examples=40)
     @given(st.binary(max_size=200))
     def test_a_splitter_takes_everything_and_is_free_again(self, data: bytes) -> None:
         row = b"\x00" * 36 + b"\r\rQ\r"  # ends a row, a command's parameters, or a line
@@ -198,6 +200,7 @@ class TestNumbers:
         assert Line(b"P,40000,-40000").numbers("P", 2, 16) == [-25536, 25536]
         assert Line(b"P,40000,-40000").numbers("P", 2, 32) == [40000, -40000]
 
+    @settings(max_examples=40)
     @given(st.integers(-(10**60), 10**60), st.sampled_from([16, 32]))
     def test_of_any_length_wrap(self, value: int, bits: int) -> None:
         half = 1 << (bits - 1)
@@ -251,6 +254,7 @@ BYTES = st.integers(0, 255)
 
 
 class TestPackets:
+    @settings(max_examples=40)
     @given(
         st.builds(
             Actuators,
@@ -313,6 +317,7 @@ class TestWifi:
             with pytest.raises(PacketError):
                 WifiRequest.unpack(data)
 
+    @settings(max_examples=40)
     @given(st.lists(st.integers(1, 50)), st.binary(max_size=5).filter(lambda b: b"\x80" not in b))
     def test_requests_come_in_any_pieces(self, sizes: list[int], rubbish: bytes) -> None:
         wanted = [WifiRequest(actuators=Actuators(wheels=(k, -k))) for k in range(4)]
