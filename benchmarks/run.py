@@ -11,6 +11,7 @@ from importlib.metadata import version
 from statistics import median
 
 from clustering import Presentations
+from epuck_line import EpuckLine
 from figures import Bench, Figure
 from page import DOCS, report
 from peer import Peer
@@ -24,6 +25,7 @@ _ROUNDS = 5
 _BENCHES = (
     Exchanges,
     WireTime,
+    EpuckLine,
     Simulation,
     Fleets,
     Peer,
