@@ -188,10 +188,17 @@ class TestInfrared:
 
     def test_a_white_wall_reads_as_in_the_table(self) -> None:
         with puck() as port:
-            response = port.emulator.robot.ring._infrared.response
+            response = port.emulator.robot.ring.response
             for gap, count in ((0.005, 2133), (0.010, 1466), (0.030, 235), (0.070, 67)):
-                assert response(0, gap) == pytest.approx(count, abs=1)
-            assert response(0, 0.2) == 0.0
+                assert response(gap) == pytest.approx(count, abs=1)
+            assert response(0.2) == 0.0
+
+    def test_a_touched_wall_saturates_whatever_its_colour(self) -> None:
+        with puck(arena="corridor") as port:  # its walls are yellow
+            ask(port, "D,500,500")
+            while not port.emulator.truth().contact:
+                pass_time(port, 0.01)
+            assert max(numbers(port, "N")) > 1500
 
     @pytest.mark.parametrize("name", PLACES)
     def test_places_can_be_chosen(self, name: str) -> None:

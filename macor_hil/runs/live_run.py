@@ -90,6 +90,7 @@ def serve(options: RunOptions, on_step: OnStep | None = None, start: Pose = _ORI
                 options.port,
                 options.camera,
                 baud=options.baud,
+                kind=options.robot_kind,
                 session=session,
                 name=options.robot,
             ) as hardware:

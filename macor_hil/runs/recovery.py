@@ -5,7 +5,7 @@ from typing import Final
 
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, is_hopeless
-from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robot import Robot
 
 Ask = Callable[[str], None]
 """Shows what an operator is needed for, and returns when that has been done."""
@@ -17,7 +17,7 @@ _PAUSE: Final = 0.2
 
 
 def wait_until_both_work(
-    robot: Khepera,
+    robot: Robot,
     camera: CheckedCamera,
     patience: float,
     check: Callable[[], None] = lambda: None,
@@ -39,7 +39,7 @@ def wait_until_both_work(
 
 
 def _until(
-    deadline: float, attempt: Callable[[], object], robot: Khepera, check: Callable[[], None]
+    deadline: float, attempt: Callable[[], object], robot: Robot, check: Callable[[], None]
 ) -> None:
     """Try something until it works, or until a deadline."""
     while True:
@@ -64,7 +64,7 @@ class TrainingRecovery:
     """
 
     def __init__(
-        self, robot: Khepera, camera: CheckedCamera, ask: Ask | None = None, patience: float = 30.0
+        self, robot: Robot, camera: CheckedCamera, ask: Ask | None = None, patience: float = 30.0
     ) -> None:
         self._robot = robot
         self._camera = camera

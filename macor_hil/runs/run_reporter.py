@@ -15,8 +15,8 @@ from khepera_protocol.zenoh.payloads import Pose
 from pydantic import ValidationError
 
 from macor_hil.hardware.cameras import Camera
-from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.odometry import Wheels, integrate
+from macor_hil.hardware.robot import Robot
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.planner import Aim
 from macor_hil.runs.agent import Step
@@ -126,7 +126,7 @@ class RunReporter:
         by = self._interruption.name
         return RunReport(self.ending, self.driven, self.total, by, self.recoveries)
 
-    def follow(self, robot: Khepera) -> None:
+    def follow(self, robot: Robot) -> None:
         """Take the time from an embedded robot."""
         if self._options.address.embedded:
             self._clock = robot.clock
@@ -153,7 +153,7 @@ class RunReporter:
         self._odometry = Odometry(pose=self._odometry.pose, counters=(0, 0))
         self.say(Phase.DRIVING)
 
-    def count(self, step: Step, robot: Khepera, aim: Aim | None = None) -> None:
+    def count(self, step: Step, robot: Robot, aim: Aim | None = None) -> None:
         """Count a step, and tell it.
 
         Args:
