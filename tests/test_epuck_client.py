@@ -141,6 +141,18 @@ def test_a_reset_is_noticed_and_counters_go_on(model: str) -> None:
         assert not hardware.robot.recover(5.0)
 
 
+def test_a_robot_that_was_put_elsewhere_begins_there() -> None:
+    with puck() as hardware:
+        driver = Driver(hardware.robot)
+        for _ in range(2):
+            driver.start()
+            driver.leg(0.1, 0.0)
+            not_none(hardware.bench).reset(Reset(seed=3))
+            driver.start()
+            assert hardware.robot.counters() == (0, 0)
+            assert not driver.execute(STRAIGHT).collided
+
+
 def test_an_error_while_it_drives_leaves_it_standing_within_half_a_second() -> None:
     class Ended(Exception):
         pass

@@ -247,11 +247,17 @@ class Epuck:
         return answer
 
     def _check(self, raw: tuple[int, ...]) -> None:
-        """See that no wheel has gone farther than it can: nothing on the line protects a number."""
+        """See that no wheel has gone farther than it can: nothing on the line protects a number.
+
+        A robot that stands has been put somewhere else and switched on: it counts on from there.
+        """
         now: float = self.clock()
         most = _MOST * (now - self._counted) + _NEAR_ZERO
         if any(abs(wrapped(new - old, 16)) > most for new, old in zip(raw, self._raw, strict=True)):
-            raise GarbageError(f"counters went from {self._raw} to {raw} in so short a time")
+            if self._steering or self._wanted != (0, 0) or self._told != (0, 0):
+                raise GarbageError(f"counters went from {self._raw} to {raw} in so short a time")
+            left, right = raw
+            self._raw = left, right
         self._counted = now
 
     def _count(self, raw: tuple[int, ...]) -> None:
