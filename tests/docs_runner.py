@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 PROGRAMS = ("docker", "khepera-emulator", "macor-hil", "make", "pip", "python")
 STAYS = (
     *("khepera-emulator run", "khepera-emulator watch"),
-    *("macor-hil dashboard", "macor-hil monitor", "macor-hil ros2"),
+    *("macor-hil dashboard", "macor-hil foxglove", "macor-hil monitor", "macor-hil ros2"),
 )
 
 ELSEWHERE = {

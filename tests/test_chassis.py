@@ -30,7 +30,7 @@ def world(request: pytest.FixtureRequest) -> Iterator[World]:
         "free": {"points": [[0, 0], [0.1, 0]], "half_width": 0.1},
         "wall": [{"points": points} for points in walls],
     }
-    made = World(Arena.model_validate(arena))
+    made = World(Arena.model_validate(arena), rigid=True)
     yield made
     made.close()
 

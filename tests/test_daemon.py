@@ -333,6 +333,7 @@ class TestEnd:
             assert ask(port, b"B\n") == VERSION
         assert running.end() == (0, "")
 
+    @pytest.mark.pybullet
     @pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1, 2)])
     def test_closed_standard_files_do_no_harm(
         self, tmp_path: Path, closed: tuple[int, ...]
@@ -352,6 +353,7 @@ class TestEnd:
             assert process.wait(PATIENCE) == 0
         assert list(tmp_path.iterdir()) == []
 
+    @pytest.mark.pybullet
     def test_nobody_who_reads_what_it_says_does_no_harm(self, tmp_path: Path) -> None:
         reader, writer = os.pipe()
         os.close(reader)

@@ -23,6 +23,7 @@ EXAMPLES: dict[str, list[Any]] = {
     "model": ["khepera2", "khepera,epuck2"],
     "seed": [1, HIGHEST_SEED],
     "drift": ["none", "scale=0.01,slip=0.05"],
+    "physics": ["pybullet"],
     "baud": ["unpaced", "38400", "1"],
     "fault": [["drop:p=0.1"], ["stray:at=1,text=a&b=c#%\\r\\n", "reset:at=5"]],
     "turret": [["gripper", "k213"]],
@@ -104,11 +105,11 @@ def test_the_header_of_a_log_is_as_ever() -> None:
     alone = RobotOptions(seed=3, dead_man=60, fault=("drop:p=1",), turret=("k213",))
     assert UrlOptions.of(alone, 1, ["cut:at=2"]).to_url() == (
         "khepera://corridor?fault=drop%3Ap%3D1&fault=cut%3Aat%3D2&model=khepera&seed=3"
-        "&drift=default&baud=auto&turret=k213&dead-man=60.0"
+        "&drift=default&physics=auto&baud=auto&turret=k213&dead-man=60.0"
     )
     several = RobotOptions(robots=3)
     assert UrlOptions.of(several, 2).to_url() == (
-        "khepera://corridor?model=khepera&seed=0&drift=default&baud=auto&robots=3&robot=2"
+        "khepera://corridor?model=khepera&seed=0&drift=default&physics=auto&baud=auto&robots=3&robot=2"
     )
 
 

@@ -29,7 +29,9 @@ IO = {
 """Modules that know files, lines, clocks, threads, a process or its terminal."""
 
 WITH_IO = {
+    "khepera_protocol.config_file": {"pathlib", "typer"},
     "khepera_protocol.extras": {"sys", "urllib"},
+    "khepera_protocol.logs": {"time"},
     "khepera_protocol.options": {"pathlib", "typer"},
     "khepera_protocol.registry": {"pathlib", "sys"},
     "khepera_protocol.version": {"typer"},

@@ -1,8 +1,11 @@
 """Emulated robots from their options to the end of their daemon, for `khepera-emulator run`."""
 
+import os
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+
+from khepera_protocol.system.supervisor import Supervisor
 
 from khepera_emulator.app.control import Control
 from khepera_emulator.app.daemon import Daemon
@@ -61,13 +64,15 @@ def serve(
             for path, robot in zip(files, robots, strict=True)
         ]
         control = Control(emulators, announce) if line.control else None
-        daemon = Daemon(emulators[0], Clock(line.speed), control)
+        supervisor = Supervisor.of(os.environ)
+        daemon = Daemon(emulators[0], Clock(line.speed), control, supervisor)
         for served in zip(emulators, ports, channels, logs, strict=True):
             daemon.add(*served, follow_rate=options.baud == AUTO)
         for name, port, claim in zip(names, ports, claims, strict=True):
             if claim:
                 claim.point_to(port.url)
             announce(f"{name} on {port.url}" + (f", link {claim.path}" if claim else ""))
+        supervisor.ready(f"{count} robots on" if count > 1 else "the robot is on")
         ending.call(daemon.stop)
         daemon.run()
 

@@ -67,14 +67,11 @@ class Serial(SerialBase):
         from khepera_protocol.options import OptionError
 
         from khepera_emulator.errors import EmulatorError
+        from khepera_emulator.robot.emulator import make_robots
         from khepera_emulator.robot.options import AUTO, UrlOptions
-        from khepera_emulator.world.bullet import load_physics
 
         url = str(self.portstr)
         try:
-            load_physics()
-            from khepera_emulator.robot.emulator import make_robots
-
             options = UrlOptions.from_url(url)
             self.emulator = make_robots(options.setups(self.allowed))[options.robot - 1]
             self._follows = options.baud == AUTO and self.emulator.uart.has_rate

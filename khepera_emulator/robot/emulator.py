@@ -79,7 +79,7 @@ class Emulator:
         dialect = self._kind.dialect(setup.model, setup.choices)
         self.uart = Uart(setup.baud, Faults(setup.faults, tell=_log_fault), dialect)
         self.now = 0.0
-        self._fleet = fleet or Fleet(setup.arena, setup.model.radius)
+        self._fleet = fleet or Fleet(setup.arena, setup.model.radius, rigid=setup.rigid)
         self._number = len(self._fleet.members)
         self._next_rate: int | None = None
         self._later: list[tuple[float, bytes]] = []
@@ -96,7 +96,7 @@ class Emulator:
         self._fleet.join(self)
 
     def close(self) -> None:
-        """Give back the physics client, which is that of the whole fleet."""
+        """Give back the world, which is that of the whole fleet."""
         self._fleet.close()
 
     @property
@@ -305,5 +305,5 @@ def make_robots(setups: Sequence[Setup]) -> list[Emulator]:
         EmulatorError: there is no room for so many.
     """
     radius = max(setup.model.radius for setup in setups)
-    fleet = Fleet(setups[0].arena, radius, len(setups))
+    fleet = Fleet(setups[0].arena, radius, len(setups), rigid=setups[0].rigid)
     return [Emulator(setup, fleet) for setup in setups]

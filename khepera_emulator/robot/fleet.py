@@ -1,4 +1,4 @@
-"""The emulated robots of one world: their common time, and one physics client."""
+"""The emulated robots of one world, and their common time."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -49,6 +49,7 @@ class Fleet:
         arena: where they are.
         radius: of the widest of their bodies, in metres.
         size: how many they will be.
+        rigid: whether they are rigid bodies all the time; see `world.World`.
 
     Attributes:
         now: time that everything has been brought to, in seconds; a multiple of `uart.GRID`.
@@ -57,20 +58,20 @@ class Fleet:
         members: the robots, in the order in which they do what happens at the same time.
     """
 
-    def __init__(self, arena: Arena, radius: float, size: int = 1) -> None:
+    def __init__(self, arena: Arena, radius: float, size: int = 1, *, rigid: bool = False) -> None:
         self.now = 0.0
         self.members: list[Member] = []
         self.radio = RadioMedium()
         self._arena = arena
         self._radius = radius
-        self._shared = size > 1
-        self.world = World(arena, shared=self._shared)
+        self._shared, self._rigid = size > 1, rigid
+        self.world = self._make_world()
         self._robots: list[Rolling] = []
         self._power_time = 0.0
         self._ticks = 0
 
     def close(self) -> None:
-        """Give back the physics client."""
+        """Give back the world."""
         self.world.close()
 
     @property
@@ -88,7 +89,7 @@ class Fleet:
 
         Control periods are counted from now.
         """
-        before, self.world = self.world, World(self._arena, shared=self._shared)
+        before, self.world = self.world, self._make_world()
         before.close()
         self._power_time = self.now
         self._ticks = 0
@@ -142,6 +143,9 @@ class Fleet:
     def enclosure(self) -> Enclosure:
         """The inside of the arena."""
         return Enclosure(self.world.plan, self._arena.start, self._radius)
+
+    def _make_world(self) -> World:
+        return World(self._arena, shared=self._shared, rigid=self._rigid)
 
     def _drive(self, until: float) -> None:
         due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)

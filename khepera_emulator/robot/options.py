@@ -7,6 +7,7 @@ header of a wire log and the pages of the reference follow from this model.
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from enum import StrEnum
 from typing import Annotated, Final, Self
 from urllib.parse import parse_qsl, quote, unquote, urlencode
 
@@ -47,6 +48,13 @@ AUTO, UNPACED = "auto", "unpaced"
 """Rates of a line: that of the client, and none."""
 
 
+class Physics(StrEnum):
+    """Ways of moving robots."""
+
+    AUTO = "auto"
+    PYBULLET = "pybullet"
+
+
 class RobotOptions(BaseModel):
     """Everything that emulated robots are made from."""
 
@@ -69,6 +77,11 @@ class RobotOptions(BaseModel):
         default=DEFAULT_DRIFT,
         description="How far real motion differs from the encoders: none, default, strong,"
         " or items such as scale=0.01,slip=0.05.",
+    )
+    physics: Physics = Field(
+        default=Physics.AUTO,
+        description="Motion of the robots: auto, exact arithmetic, and PyBullet where something can"
+        " be pushed; pybullet, rigid bodies in it all the time (see docs/physics.md).",
     )
     baud: Annotated[str, Cli(metavar="auto|unpaced|N")] = Field(
         default=AUTO,
@@ -146,6 +159,7 @@ class RobotOptions(BaseModel):
             seed=self.seed,
             faults=parse_faults(self.fault),
             dead_man=self.dead_man,
+            rigid=self.physics is Physics.PYBULLET,
         )
         made = [
             replace(

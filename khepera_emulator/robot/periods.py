@@ -24,7 +24,7 @@ def run_periods(world: World, robots: Sequence[Rolling], ticks: int) -> None:
         robots: all of them, in the order in which each takes every step.
         ticks: number of the last period.
     """
-    if len(robots) == 1 and not world.things:
+    if len(robots) == 1 and world.dynamics is None:
         robots[0].run(ticks)
         return
     while robots[0].ticks < ticks:

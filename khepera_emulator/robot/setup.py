@@ -30,6 +30,7 @@ class Setup:
         choices: of its firmware, as its kind reads them (`robot.kind`); None: the kind's own.
         dead_man: seconds without a request after which the robot stops by itself; None: never, as
             a real one.
+        rigid: whether it is a rigid body in PyBullet all the time.
     """
 
     arena: Arena
@@ -42,3 +43,4 @@ class Setup:
     turrets: tuple[Any, ...] = ()
     choices: Any = None
     dead_man: float | None = None
+    rigid: bool = False

@@ -69,6 +69,9 @@ class ReplayOptions(ZenohConfigOptions):
     speed: float = Field(
         default=1.0, ge=0.01, le=1000.0, description="Speed-up of the recorded time."
     )
+    begin: Annotated[float, Cli(metavar="SECONDS")] = Field(
+        default=0.0, ge=0.0, description="Seconds after its beginning at which to begin."
+    )
     robot: Annotated[str | None, Cli(metavar="NAME")] = Field(
         default=None, description="Another name than the recorded robot's."
     )
@@ -139,7 +142,7 @@ def replay(options: ReplayOptions) -> None:
         from macor_hil.telemetry.recordings.recording import play_recording
     from macor_hil.telemetry.recordings.player import Player, play
 
-    name, events = play_recording(options.file)
+    name, events = play_recording(options.file, options.begin)
     with (
         open_session(options.listen, [], options.zenoh_config) as session,
         Player(session, options.robot or name) as player,

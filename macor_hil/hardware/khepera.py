@@ -127,7 +127,7 @@ class Khepera:
                 self._broken = isinstance(error, LinkError) or self._failures % _ATTEMPTS == 0
                 if self.clock() >= deadline:
                     raise
-                _log.info("not back yet: %s", error)
+                _log.debug("not back yet: %s", error)
                 self._line.pause(_PAUSE)
             else:
                 self._failures = 0
@@ -252,6 +252,11 @@ class Khepera:
     def proximity(self) -> tuple[int, ...]:
         """Return the eight proximity sensors, 0 far to 1023 near."""
         return self.request("N").values
+
+    def battery(self) -> int:
+        """Return half of the battery's voltage, in counts of 4 mV."""
+        (counts,) = self.request("I", 0).values
+        return counts
 
 
 def _halt(line: Line) -> None:

@@ -109,3 +109,7 @@ class Robot(Protocol):
     def proximity(self) -> tuple[int, ...]:
         """Return the eight infrared sensors."""
         ...
+
+    def battery(self) -> int | None:
+        """Return half of the battery's voltage, in counts of 4 mV; None where it is not told so."""
+        ...

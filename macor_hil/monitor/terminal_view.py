@@ -89,7 +89,8 @@ def _status(watched: Controlled, client: str) -> Text:
         return Text("there, nothing said yet", style="yellow")
     state = watched.state
     text = Text(state.phase.value, style=_PHASE_STYLES[state.phase])
-    text.append(f"  {state.driven} of {state.limit} commands", style="default not bold")
+    of = f" of {state.limit}" if state.limit else ""
+    text.append(f"  {state.driven}{of} commands", style="default not bold")
     if state.reason:
         text.append(f"  {printable(state.reason)}", style="default not bold")
     return text

@@ -50,6 +50,13 @@ class RecoveryChoice(StrEnum):
     BACK = "back"
 
 
+class AfterCollision(StrEnum):
+    """Ways of going on after a collision in a live run."""
+
+    STOP = "stop"
+    BACK_OFF = "back-off"
+
+
 class TrainOptions(SeedOptions, ProfileOptions, SpeedOptions, DeviceOptions, MapOptions):
     """A training on a robot."""
 
@@ -116,7 +123,23 @@ class RunOptions(
         description="Drive to what the camera sees, with the planner goal: {names}. The run ends"
         " there, or with the last command.",
     )
-    commands: int = Field(default=MAX_COMMANDS, ge=1, description="Commands to drive at most.")
+    commands: int = Field(
+        default=MAX_COMMANDS, ge=0, description="Commands to drive at most; 0: without end."
+    )
+    after_collision: AfterCollision = Field(
+        default=AfterCollision.STOP,
+        description="After a collision: end, or drive back, turn where there is no way back, and go"
+        " on.",
+    )
+    learn: Annotated[bool, Cli(flags=("--learn",))] = Field(
+        default=False, description="Learn on while driving, and keep what is learned in the map."
+    )
+    save_every: int = Field(
+        default=50,
+        ge=1,
+        description="Commands after which --learn writes the map; all ends but a kill write it,"
+        " too.",
+    )
     listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
         default=(CONTROLLER_ENDPOINT,), description="Where watchers find this controller."
     )
@@ -134,10 +157,25 @@ class RunOptions(
         ge=0.01,
         description="Seconds of planning after which watchers are told.",
     )
+    wait: float = Field(
+        default=0.0,
+        ge=0.0,
+        allow_inf_nan=True,
+        description="Seconds to wait for port and camera to be there at the start; inf: as long as"
+        " it takes.",
+    )
     recovery: float = Field(
         default=30.0,
         ge=0.0,
-        description="Seconds to go on trying when robot or camera fail; 0: a failure ends the run.",
+        allow_inf_nan=True,
+        description="Seconds to go on trying when robot or camera fail; 0: a failure ends the run;"
+        " inf: never give up.",
+    )
+    metrics_port: int | None = Field(
+        default=None,
+        ge=1,
+        le=65535,
+        description="TCP port for Prometheus, on this machine only: http://127.0.0.1:PORT/metrics.",
     )
 
     @field_validator("goal")

@@ -31,7 +31,6 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
@@ -47,6 +46,7 @@ from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Moment
 from macor_hil.mind.planners.planner import NO_PLAN, Plan
+from macor_hil.monitor.pictures import trials_figure
 
 RANDOM: Final = "random"
 
@@ -232,7 +232,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
         if driven["light"] == AS_TRAINED:
             outline = Outline.model_validate(driven["outline"])
             shown = {name: (outline, trials_of(driven, name)[0]) for name in DRAWN}
-            pictures[_picture(driven)] = draw_trials(shown)
+            pictures[_picture(driven)] = trials_figure(shown)
     return pictures
 
 
@@ -263,10 +263,16 @@ def tell(settings: Settings, results: Results) -> list[Element]:
     ]
     first = next(iter(results.values()))["driven"]
     shown = [one for one in first if one["light"] == AS_TRAINED]
-    return blocks + [
-        Picture(_picture(one), f"{one['arena']}, {one['look']}, trained {one['trained']}.")
-        for one in shown
-    ]
+    return blocks + [Picture(_picture(one), _caption(one)) for one in shown]
+
+
+def _caption(driven: Result) -> str:
+    unhurt = [name for name in DRAWN if not trials_of(driven, name)[0].collided]
+    without = " and ".join(unhurt) if unhurt else "nobody"
+    return (
+        f"First trials in {driven['arena']}, {driven['look']}, trained {driven['trained']}; a cross"
+        f" marks a collision. Without one: {without}."
+    )
 
 
 def _table(title: str, conditions: Conditions, *by: str) -> Table:

@@ -204,6 +204,9 @@ class Epuck:
         raw = unpack(self._look()[_PROXIMITY])
         return tuple([min(raw[k] * _SATURATED // _NEAR, _FULL) for k in _ORDER])
 
+    def battery(self) -> None:
+        """Return None: e-pucks tell it in three ways, none of them the driver's."""
+
     def _look(self) -> bytes:
         """Tell the wheels their speeds and see how it goes; steers them on."""
         answer = self._exchange()

@@ -151,7 +151,7 @@ class State(Payload):
     camera: Text
     map: Text
     driven: Count = Field(description="commands driven so far")
-    limit: Count = Field(description="commands after which the run ends")
+    limit: Count = Field(description="commands after which the run ends; 0: it has no end")
     reason: Text = Field(default="", description="why it is late, recovering, stopped or failed")
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.robot.epuck.models import EpuckModel
 from khepera_emulator.robot.epuck.panel import COLOUR, GREY, Picture
-from khepera_emulator.senses.camera import NOISE, find_renderer
+from khepera_emulator.senses.camera import NOISE
+from khepera_emulator.senses.renderers.layered import LayeredRenderer
 from khepera_emulator.senses.renderers.view import Image
 from khepera_emulator.world.world import World
 
@@ -36,13 +37,11 @@ class Eye:
     def __init__(
         self, world: World, model: EpuckModel, carrier: Chassis, rng: np.random.Generator
     ) -> None:
-        self._world = world
-        self._carrier = carrier
         self._rng = rng
         # pixels that the distance from the pinhole to the picture takes
         self._focal = _COLUMNS / 2 / tan(model.field / 2)
         high = atan(_ROWS / 2 / self._focal)
-        self._renderer = find_renderer(world, model.eye_height, -high, high)
+        self._renderer = LayeredRenderer(world, model.eye_height, -high, high, carrier)
         self._picture = Picture()
         self._maps = self._places(self._picture)
 
@@ -57,17 +56,11 @@ class Eye:
         return _yuyv(image)
 
     def _look(self, picture: Picture, pose: Pose) -> Image:
-        shared = self._world.shared
-        if shared:
-            self._world.show_robots()
-            self._carrier.paint(visible=False)
         ahead = {
             "x": pose.x + _LENS * cos(pose.heading),
             "y": pose.y + _LENS * sin(pose.heading),
         }
         atlas = self._renderer.render(pose.model_copy(update=ahead))
-        if shared:
-            self._carrier.paint(visible=True)
         if picture != self._picture:
             self._picture, self._maps = picture, self._places(picture)
         column, row = self._maps
