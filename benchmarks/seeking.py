@@ -15,8 +15,9 @@ from statistics import median
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
+from khepera_protocol.zenoh.keys import EMULATOR
 from khepera_protocol.zenoh.payloads import Wire, WireEntry
-from watching_helpers import BEGIN, EMULATOR, SECOND, a_life, json_event, truth
+from watching_helpers import BEGIN, SECOND, a_life, json_event, truth
 
 from macor_hil.telemetry.recordings.recording import Recorder, play_recording
 

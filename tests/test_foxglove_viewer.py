@@ -38,7 +38,7 @@ class Server(SimpleHTTPRequestHandler):
 
     def __init__(self, *arguments: object, made: Path, **more: object) -> None:
         self._made = made
-        super().__init__(*arguments, directory=str(VIEWER), **more)  # type: ignore[arg-type, misc]
+        super().__init__(*arguments, directory=str(VIEWER), **more)  # type: ignore[arg-type]
 
     def translate_path(self, path: str) -> str:
         made = self._made / path.partition("?")[0].lstrip("/")
@@ -110,7 +110,7 @@ def wait_for(driver: Chrome, condition: Callable[[str], bool]) -> str:
 
 
 def problems(driver: Chrome) -> str:
-    """What the viewer says where it lists problems."""
+    """The text of the viewer while it lists problems."""
     script = (
         "[...document.querySelectorAll('button')].find(b => b.innerText.startsWith('Problems'))"
     )

@@ -28,6 +28,7 @@ PACKAGES = ("protocol", "khepera_emulator", "macor_hil")
 NEEDS = {
     "artlib": "peers",
     "distributed": "cluster",
+    "foxglove": "foxglove",
     "foxglove_schemas_protobuf": "recording",
     "gymnasium": "gymnasium",
     "joblib": "experiments",
@@ -63,8 +64,12 @@ MAY_FAIL = {
     "macor_hil.experiments": "experiments",
     "macor_hil.monitor.dashboard": "dashboard",
     "macor_hil.telemetry.ros2": "ros",
-    "macor_hil.telemetry.recordings.foxglove": "recording",
+    "macor_hil.runs.by_hand.ros_drive": "ros",
+    "macor_hil.telemetry.viewers.live": "foxglove",
+    "macor_hil.telemetry.viewers.scene": "recording",
+    "macor_hil.telemetry.viewers.topics": "recording",
     "macor_hil.telemetry.recordings.mcap_file": "recording",
+    "macor_hil.telemetry.recordings.mcap_index": "recording",
     "macor_hil.telemetry.recordings.recorder": "recording",
     "macor_hil.telemetry.recordings.recording": "recording",
 }

@@ -288,7 +288,7 @@ def test_a_run_is_told_on_every_topic() -> None:
 
 
 def a_wire(*lines: str) -> Wire:
-    """What passes on the line, in pieces as it is told: two characters each."""
+    """A part of the line, in pieces as it is told: two characters each."""
     entries = []
     for line in lines:
         what, text = ("request", f"{line}\n") if line[0].isupper() else ("reply", f"{line}\r\n")

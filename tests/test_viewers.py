@@ -1,4 +1,4 @@
-"""What viewers of robots are shown: scenes, frames, a layout, and the same live."""
+"""Robots as viewers see them: scenes, frames, a layout, and the same live."""
 
 import json
 import signal

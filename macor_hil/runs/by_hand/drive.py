@@ -1,4 +1,4 @@
-"""What keys do: commands that are told as decisions, and ways back after a collision."""
+"""Effects of keys: commands that are told as decisions, and ways back after a collision."""
 
 from collections.abc import Callable
 from math import radians
