@@ -13,10 +13,10 @@ from macor_hil.commands import COMMANDS, STRAIGHT
 from macor_hil.errors import RobotError
 from macor_hil.hardware.devices import Hardware, open_hardware, robot_of
 from macor_hil.hardware.driver import Driver
-from macor_hil.hardware.epuck.client import Epuck
-from macor_hil.hardware.epuck.servo import Servo
 from macor_hil.hardware.khepera import Khepera
-from macor_hil.hardware.robot import RobotKind
+from macor_hil.hardware.robots.epuck.client import Epuck
+from macor_hil.hardware.robots.epuck.servo import Servo
+from macor_hil.hardware.robots.robot import RobotKind
 
 MIDDLE = Pose(x=0.0, y=0.0, heading=0.0)
 MODELS = pytest.mark.parametrize("model", ["epuck", "epuck2"])

@@ -29,7 +29,7 @@ from macor_hil.hardware.driver import Driver, DriveSettings
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.options import DeviceOptions, LineOptions, SpeedOptions, ZenohOptions
 from macor_hil.hardware.profile import change_profile, load_profile
-from macor_hil.hardware.robot import Robot
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.safety.claim import claim
 from macor_hil.safety.interruption import signals_taken_over
 

@@ -12,10 +12,10 @@ from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.bench import Bench, PortBench, ZenohBench
 from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.cameras.catalogue import AUTO, CameraAddress
-from macor_hil.hardware.epuck.client import Epuck
 from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.line.serial_line import open_port
-from macor_hil.hardware.robot import Robot, RobotKind
+from macor_hil.hardware.robots.epuck.client import Epuck
+from macor_hil.hardware.robots.robot import Robot, RobotKind
 from macor_hil.safety.interruption import unwind_on_signals
 
 _CLIENTS: Final = {RobotKind.KHEPERA: Khepera, RobotKind.EPUCK: Epuck}

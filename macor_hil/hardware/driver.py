@@ -21,7 +21,7 @@ from macor_hil.commands import LONGEST_WAY as LONGEST_WAY
 from macor_hil.commands import MotorCommand
 from macor_hil.errors import RobotResetError, StrayedError
 from macor_hil.hardware.odometry import Wheels
-from macor_hil.hardware.robot import Robot, WheelStatus
+from macor_hil.hardware.robots.robot import Robot, WheelStatus
 from macor_hil.hardware.standstill import standing_on_failure
 
 

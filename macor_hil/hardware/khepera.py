@@ -17,7 +17,7 @@ from khepera_protocol.serial.messages import Reply, build_request
 from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
 from macor_hil.hardware.line.line_statistics import Meter
 from macor_hil.hardware.line.serial_line import LONGEST_REPLY, Line, open_port
-from macor_hil.hardware.robot import WheelStatus
+from macor_hil.hardware.robots.robot import WheelStatus
 from macor_hil.safety.interruption import undisturbed
 
 __all__ = ["LONGEST_REPLY", "Khepera", "WheelStatus", "open_port"]

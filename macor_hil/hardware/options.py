@@ -12,7 +12,7 @@ from macor_hil.hardware.cameras.catalogue import AUTO, CAMERAS, CameraAddress
 from macor_hil.hardware.driver import DriveSettings
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.profile import RobotProfile, load_profile
-from macor_hil.hardware.robot import RobotKind
+from macor_hil.hardware.robots.robot import RobotKind
 
 _DRIVE: Final = DriveSettings()
 

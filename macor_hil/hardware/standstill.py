@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from macor_hil.errors import NotStoppedError, RobotError
-from macor_hil.hardware.robot import Robot
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.safety.interruption import undisturbed
 
 

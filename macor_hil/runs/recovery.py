@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 
 from macor_hil.errors import CameraError, MacorError, RobotError, is_refused
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, is_hopeless
-from macor_hil.hardware.robot import Robot
+from macor_hil.hardware.robots.robot import Robot
 
 _T = TypeVar("_T")
 

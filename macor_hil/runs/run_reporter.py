@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from macor_hil.hardware.cameras import Camera, Frame
 from macor_hil.hardware.line.line_statistics import Durations, Meter
 from macor_hil.hardware.odometry import Wheels, integrate
-from macor_hil.hardware.robot import Robot
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.planner import Aim
 from macor_hil.runs.agent import Step

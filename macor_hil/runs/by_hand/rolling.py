@@ -12,7 +12,7 @@ from typing import Final
 from khepera_protocol.serial.units import CONTROL_PERIOD
 
 from macor_hil.hardware.driver import DriveSettings, is_touching
-from macor_hil.hardware.robot import Robot
+from macor_hil.hardware.robots.robot import Robot
 
 LIMIT: Final = 0.5
 """Seconds after a velocity within which the robot stands, if no other one comes."""

@@ -17,7 +17,7 @@ from macor_hil.errors import TelemetryError
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.devices import robot_of
 from macor_hil.hardware.driver import DriveSettings
-from macor_hil.hardware.robot import Robot
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.hardware.standstill import standing_on_failure
 from macor_hil.runs.by_hand.rolling import LIMIT, Rolling
 from macor_hil.safety.interruption import signals_taken_over

@@ -25,7 +25,7 @@ from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.hardware.cameras import Frame
 from macor_hil.hardware.driver import Outcome
 from macor_hil.hardware.odometry import Wheels, integrate
-from macor_hil.hardware.robot import Robot
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.runs.by_hand.options import TeleopOptions
 from macor_hil.telemetry.publisher import Publisher

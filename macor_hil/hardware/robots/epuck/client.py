@@ -17,10 +17,10 @@ from khepera_protocol.epuck.units import STEP
 from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 
 from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
-from macor_hil.hardware.epuck.line import EpuckLine
-from macor_hil.hardware.epuck.servo import Servo
 from macor_hil.hardware.line.line_statistics import Meter
-from macor_hil.hardware.robot import WheelStatus
+from macor_hil.hardware.robots.epuck.line import EpuckLine
+from macor_hil.hardware.robots.epuck.servo import Servo
+from macor_hil.hardware.robots.robot import WheelStatus
 from macor_hil.safety.interruption import undisturbed
 
 _COUNTS: Final = STEP / PULSE
