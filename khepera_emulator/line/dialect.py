@@ -40,22 +40,23 @@ class Dialect:
     Attributes:
         splitter: makes what cuts a line into requests.
         restart: the request to start again, which a fault that resets the robot comes as.
-        first_rate: bits a second that the line shows until a client sets another rate; None: it is
-            no serial line, takes no time and has no rate.
+        first_rate: bits a second that the line shows until a client sets another rate.
         stop: stop bits of a character.
         busy: seconds between the end of a request and the first bit of its reply.
         receive_limit: bytes that the robot holds before its interpreter takes them; more are lost.
         send_limit: bytes of replies that wait for the line; a whole reply that does not fit is
             lost.
+        serial: whether clients set a rate; a network's is its own.
     """
 
     splitter: Callable[[], Splitter]
     restart: Any
-    first_rate: int | None
+    first_rate: int
     stop: int
     busy: float
     receive_limit: int
     send_limit: int
+    serial: bool = True
 
     def character(self, rate: int) -> float:
         """Return the seconds of a character at a rate: start bit, 8 data bits, stop bits."""

@@ -85,11 +85,6 @@ class Uart:
         self._compare()
 
     @property
-    def has_rate(self) -> bool:
-        """True if the robot's end is that of a serial line, which has a rate."""
-        return self.dialect.first_rate is not None
-
-    @property
     def client(self) -> LineFormat | None:
         """Settings of the client's end; None if they are the robot's.
 

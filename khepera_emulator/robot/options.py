@@ -181,8 +181,8 @@ class RobotOptions(BaseModel):
         faults = [split_kind(text)[0] for text in self.fault]
         return [name for name in (*self._models(), *self.turret, *faults) if is_own_code(name)]
 
-    def _first_rate(self, usual: int | None) -> int | None:
-        if self.baud == UNPACED or usual is None:
+    def _first_rate(self, usual: int) -> int | None:
+        if self.baud == UNPACED:
             return None
         return usual if self.baud == AUTO else int(self.baud)
 

@@ -25,6 +25,9 @@ _SEND_LIMIT: Final = 8192
 _RECEIVE_LIMIT: Final = 64
 """Bytes of the firmware's ring."""
 
+_WIFI_RATE: Final = 4_000_000
+"""Bits a second, of which ten make a byte: ten pictures a second (a choice)."""
+
 _WIFI_RECEIVE_LIMIT: Final = 2048
 _WIFI_SEND_LIMIT: Final = 1 << 20
 
@@ -52,11 +55,12 @@ class EpuckKind:
             return Dialect(
                 splitter=WifiSplitter,
                 restart=Sign.RESTART,
-                first_rate=None,
+                first_rate=_WIFI_RATE,
                 stop=1,
                 busy=0.0,
                 receive_limit=_WIFI_RECEIVE_LIMIT,
                 send_limit=_WIFI_SEND_LIMIT,
+                serial=False,
             )
         generation = choices.generation
         return Dialect(
