@@ -33,6 +33,7 @@ PATH = rf"(?<![\w./-])(?:(?:[\w-]+/)*[\w-]+\.py\b|(?:{'|'.join(FOLDERS)})/[\w./-
 FENCED = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
 REFERENCE = (
     "khepera_protocol.serial",
+    "khepera_protocol.epuck",
     *(f"macor_hil.mind.{folder}" for folder in ("clusterers", "eyes", "foresight")),
     *(f"macor_hil.mind.{folder}" for folder in ("memories", "planners")),
     "macor_hil.hardware.cameras",
@@ -62,8 +63,11 @@ def has_own_network() -> bool:
 RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in commands(page))]
 
 
-LONG = ("own-planner.md", "tutorial.md", "arenas.md", "testing.md", "watching.md", "faults.md")
-"""Pages whose commands train or measure for long."""
+LONG = (
+    *("own-planner.md", "tutorial.md", "arenas.md", "testing.md", "watching.md", "faults.md"),
+    "epuck.md",
+)
+"""Pages whose commands train or measure for long, or switch robots on one after the other."""
 
 TRIED = [
     pytest.param(page, marks=[pytest.mark.long] if page.name in LONG else []) for page in RUNNABLE

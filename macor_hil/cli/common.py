@@ -74,6 +74,7 @@ def hardware_of(options: DeviceOptions) -> Iterator[Hardware]:
                 options.port,
                 options.camera,
                 baud=options.baud,
+                kind=options.robot_kind,
                 session=session,
                 name=options.robot,
             )

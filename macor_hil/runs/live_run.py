@@ -185,6 +185,7 @@ def _hardware(
                     options.port,
                     options.camera,
                     baud=options.baud,
+                    kind=options.robot_kind,
                     session=session,
                     name=options.robot,
                 )
