@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from importlib.metadata import version
 
 from clustering import Presentations
+from epuck_line import EpuckLine
 from figures import Bench, Figure, medians
 from page import DOCS, report
 from peer import Peer
@@ -24,6 +25,7 @@ _ROUNDS = 5
 _BENCHES: tuple[Callable[[ExitStack], Bench], ...] = (
     Exchanges,
     WireTime,
+    EpuckLine,
     Simulation,
     Fleets,
     Peer,

@@ -231,6 +231,8 @@ MODELS: Final = Registry(
     {
         KHEPERA.name: "khepera_emulator.models:KHEPERA",
         KHEPERA2.name: "khepera_emulator.models:KHEPERA2",
+        "epuck": "khepera_emulator.robot.epuck.models:EPUCK",
+        "epuck2": "khepera_emulator.robot.epuck.models:EPUCK2",
     },
 )
 

@@ -36,6 +36,7 @@ PATH = rf"(?<![\w./-])(?:(?:[\w-]+/)*[\w-]+\.py\b|(?:{'|'.join(FOLDERS)})/[\w./-
 FENCED = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
 REFERENCE = (
     "khepera_protocol.serial",
+    "khepera_protocol.epuck",
     *(f"macor_hil.mind.{folder}" for folder in ("clusterers", "eyes", "foresight")),
     *(f"macor_hil.mind.{folder}" for folder in ("memories", "planners")),
     "macor_hil.hardware.cameras",
@@ -65,8 +66,11 @@ def has_own_network() -> bool:
 RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in commands(page))]
 
 
-LONG = ("own-planner.md", "tutorial.md", "arenas.md", "testing.md", "watching.md", "faults.md")
-"""Pages whose commands train or measure for long."""
+LONG = (
+    *("own-planner.md", "tutorial.md", "arenas.md", "testing.md", "watching.md", "faults.md"),
+    "epuck.md",
+)
+"""Pages whose commands train or measure for long, or switch robots on one after the other."""
 
 TRIED = [
     pytest.param(page, marks=[pytest.mark.long] if page.name in LONG else []) for page in RUNNABLE
@@ -79,11 +83,9 @@ def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     if not has_own_network():
         pytest.skip("the pages' well-known ports need a network namespace (unshare, ip)")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    # NiceGUI serves its own tests when it finds itself in pytest
-    outside = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
     done = subprocess.run(
         [*NETWORK, sys.executable, RUNNER, page, tmp_path],
-        env={**outside, "PATH": path},
+        env={**os.environ, "PATH": path},
         capture_output=True,
         text=True,
         timeout=8 * PATIENCE,

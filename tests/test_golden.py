@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from khepera_protocol.epuck.generations import BTCOM, GCTRONIC, GCTRONIC2
 from khepera_protocol.serial.commands import COMMANDS, FLASH_TOOLS, TOOLS
 from khepera_protocol.serial.messages import COMMAND_NOT_FOUND, PROTOCOL_ERROR, TURRET_NOT_SUPPORTED
 from khepera_protocol.serial.turrets import TURRETS
@@ -94,3 +95,56 @@ def test_both_robots_have_the_same_conversations() -> None:
         for model in KHEPERAS
     }
     assert topics["khepera"] == topics["khepera2"] != set()
+
+
+PUCKS = {
+    "epuck": (GCTRONIC, "model=epuck&", ""),
+    "btcom": (BTCOM, "model=epuck&", "profile=btcom"),
+    "epuck2": (GCTRONIC2, "model=epuck2&", ""),
+}
+
+
+def said_by_puck(name: str) -> list[Exchange]:
+    _, model, profile = PUCKS[name]
+    # those of parsers have requests that are swallowed
+    texts = [path.read_text() for path in FILES if not path.stem.endswith("-parser")]
+    mine = [
+        text
+        for text in texts
+        if model in (url := text.partition("\n")[0])
+        and (profile in url if profile else "profile=" not in url)
+    ]
+    return [pair for text in mine for pair in exchanges(text)]
+
+
+@pytest.mark.parametrize("name", PUCKS)
+def test_every_letter_of_an_epuck_occurs_with_its_own_reply(name: str) -> None:
+    generation = PUCKS[name][0]
+    answered, silent = set(), set()
+    for pair in said_by_puck(name):
+        letter = pair.request[:1].decode("latin-1")
+        if letter not in generation.letters:
+            continue
+        if not pair.reply:
+            silent.add(letter)
+        elif letter == "H" or pair.reply[0][:1] == letter.lower():
+            answered.add(letter)
+    assert answered == generation.letters - generation.silent - {"Z"}
+    assert silent >= generation.silent | ({"Z"} & generation.letters)
+
+
+@pytest.mark.parametrize("name", PUCKS)
+def test_every_binary_command_of_an_epuck_occurs_with_an_answer_of_its_size(name: str) -> None:
+    codes = PUCKS[name][0].codes
+    found = set()
+    for pair in said_by_puck(name):
+        code = codes.get(pair.request[0]) if pair.request else None
+        if code is None or len(pair.request) != 2 + code.parameters or pair.request[-1]:
+            continue
+        size = len(bytes.fromhex("".join(line for line in pair.reply if "bytes" not in line)))
+        if code.name in "UI" and code.answer != 0:  # sizes of their own
+            assert size >= 3
+        else:
+            assert size == code.answer
+        found.add(code.byte)
+    assert found == set(codes)

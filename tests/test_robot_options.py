@@ -20,7 +20,7 @@ from khepera_emulator.robot.options import HIGHEST_SEED, RobotOptions, UrlOption
 
 EXAMPLES: dict[str, list[Any]] = {
     "arena": ["open-box", "runs/my arena#1?100%.toml"],
-    "model": ["khepera2"],
+    "model": ["khepera2", "khepera,epuck2"],
     "seed": [1, HIGHEST_SEED],
     "drift": ["none", "scale=0.01,slip=0.05"],
     "physics": ["pybullet"],
@@ -28,6 +28,7 @@ EXAMPLES: dict[str, list[Any]] = {
     "fault": [["drop:p=0.1"], ["stray:at=1,text=a&b=c#%\\r\\n", "reset:at=5"]],
     "turret": [["gripper", "k213"]],
     "firmware": [["reject-beyond", "rom-revision=4.02"]],
+    "profile": ["btcom"],
     "dead_man": [0.5, 60.0],
     "robots": [2, 32],
 }

@@ -190,7 +190,9 @@ class _Line:
         self._answered = False
         self._look_again = False
         # a line that takes no time has no rate that a client's could differ from
-        self._asks_settings = follow_rate or emulator.uart.baud is not None or bool(self._log)
+        self._asks_settings = emulator.uart.dialect.serial and (
+            follow_rate or emulator.uart.baud is not None or bool(self._log)
+        )
         if self._log:
             emulator.uart.faults.listeners.append(self._log.fault)
 

@@ -46,6 +46,7 @@ class Dialect:
         receive_limit: bytes that the robot holds before its interpreter takes them; more are lost.
         send_limit: bytes of replies that wait for the line; a whole reply that does not fit is
             lost.
+        serial: whether clients set a rate; a network's is its own.
     """
 
     splitter: Callable[[], Splitter]
@@ -55,6 +56,7 @@ class Dialect:
     busy: float
     receive_limit: int
     send_limit: int
+    serial: bool = True
 
     def character(self, rate: int) -> float:
         """Return the seconds of a character at a rate: start bit, 8 data bits, stop bits."""

@@ -73,8 +73,8 @@ class Serial(SerialBase):
         url = str(self.portstr)
         try:
             options = UrlOptions.from_url(url)
-            self._follows = options.baud == AUTO
             self.emulator = make_robots(options.setups(self.allowed))[options.robot - 1]
+            self._follows = options.baud == AUTO
         except (EmulatorError, OptionError) as error:
             raise SerialException(f"{printable(url, 100)}: {printable(str(error), 1000)}") from None
         self.is_open = True
@@ -178,7 +178,7 @@ class Serial(SerialBase):
         # without waiting a tenth of a millisecond passes, so that polling gets somewhere
         timeout = self.timeout
         self._wait = None if timeout is None else on_grid(max(timeout, _POLL_TIME))
-        if not self.is_open:
+        if not self.is_open or not self.emulator.uart.dialect.serial:
             return
         uart = self.emulator.uart
         if self._follows:

@@ -32,6 +32,7 @@ KINDS: Final = Registry(
     "khepera_macor.kinds",
     {
         "khepera": "khepera_emulator.robot.khepera.kind:KIND",
+        "epuck": "khepera_emulator.robot.epuck.kind:KIND",
     },
 )
 

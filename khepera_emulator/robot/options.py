@@ -29,7 +29,7 @@ from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import FAULTS, split_kind
 from khepera_emulator.line.fault_text import parse_faults
 from khepera_emulator.models import KHEPERA, MODELS, find_model
-from khepera_emulator.robot.kind import all_switches, choose, kind_of
+from khepera_emulator.robot.kind import all_profiles, all_switches, choose, kind_of
 from khepera_emulator.robot.setup import DEFAULT_SEED, Setup
 from khepera_emulator.turrets.catalogue import TURRET_CLASSES, find_turrets
 
@@ -98,8 +98,11 @@ class RobotOptions(BaseModel):
     )
     firmware: Annotated[tuple[str, ...], Cli(metavar="NAME[=VALUE]", names=all_switches)] = Field(
         default=(),
-        description="A choice where sources differ: {names} (see docs/khepera-choices.md);"
-        " repeatable.",
+        description="A choice where sources differ: {names} (see docs/khepera-choices.md and"
+        " docs/epuck.md); repeatable.",
+    )
+    profile: Annotated[str, Cli(metavar="NAME", names=all_profiles)] = Field(
+        default="", description="Firmware of an e-puck: {names} (see docs/epuck.md)."
     )
     dead_man: Annotated[float | None, Cli(metavar="SECONDS")] = Field(
         default=None,
@@ -149,7 +152,7 @@ class RobotOptions(BaseModel):
         kinds = [kind_of(model) for model in models]
         if turrets and not any(kind.turrets for kind in kinds):
             raise EmulatorError(f"{kinds[0].title} carry no turrets")
-        choices = choose(models, self.firmware)
+        choices = choose(models, self.firmware, self.profile)
         same = Setup(
             arena=load_arena(self.arena),
             drift=parse_drift(self.drift),

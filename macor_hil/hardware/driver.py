@@ -12,7 +12,7 @@ is raised leaves a drive before the robot stands.
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, sqrt
 
 from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
@@ -20,8 +20,8 @@ from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 from macor_hil.commands import LONGEST_WAY as LONGEST_WAY
 from macor_hil.commands import MotorCommand
 from macor_hil.errors import RobotResetError, StrayedError
-from macor_hil.hardware.khepera import Khepera, WheelStatus
 from macor_hil.hardware.odometry import Wheels
+from macor_hil.hardware.robots.robot import Robot, WheelStatus
 from macor_hil.hardware.standstill import standing_on_failure
 
 
@@ -113,11 +113,12 @@ class Driver:
 
     def __init__(
         self,
-        robot: Khepera,
+        robot: Robot,
         settings: DriveSettings = DriveSettings(),
         guard: Guard = lambda: None,
     ) -> None:
-        self.settings = settings
+        # no faster than the robot can: times are reckoned with it
+        self.settings = replace(settings, speed=min(settings.speed, robot.top_speed))
         self._robot = robot
         self._guard = guard
         self._target = (0, 0)

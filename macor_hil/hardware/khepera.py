@@ -10,7 +10,6 @@ import os
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, Final, Self
 
 from khepera_protocol.serial.messages import Reply, build_request
@@ -18,6 +17,7 @@ from khepera_protocol.serial.messages import Reply, build_request
 from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
 from macor_hil.hardware.line.line_statistics import Meter
 from macor_hil.hardware.line.serial_line import LONGEST_REPLY, Line, open_port
+from macor_hil.hardware.robots.robot import WheelStatus
 from macor_hil.safety.interruption import undisturbed
 
 __all__ = ["LONGEST_REPLY", "Khepera", "WheelStatus", "open_port"]
@@ -49,21 +49,6 @@ _STOP = build_request("D", 0, 0)
 _SPEED = build_request("E")
 
 
-@dataclass(frozen=True, slots=True)
-class WheelStatus:
-    """Status of one wheel, as K gives it.
-
-    Attributes:
-        reached: whether the target of the position controller is reached.
-        speed_mode: whether the speed controller (or PWM) is in charge.
-        error: control error in counts, or counts / 10 ms.
-    """
-
-    reached: bool
-    speed_mode: bool
-    error: int
-
-
 class Khepera:
     """A Khepera on an open serial port; use as a context, so that every way out stops it.
 
@@ -75,6 +60,8 @@ class Khepera:
         clock: seconds on the clock that the port lives by: virtual for `khepera://`, else real.
         meter: counts requests and times their round trips on that clock.
     """
+
+    top_speed = 127
 
     def __init__(self, port: Any, reopen: Callable[[], Any] | None = None) -> None:
         self._take(Line(port))
@@ -265,6 +252,11 @@ class Khepera:
     def proximity(self) -> tuple[int, ...]:
         """Return the eight proximity sensors, 0 far to 1023 near."""
         return self.request("N").values
+
+    def battery(self) -> int:
+        """Return half of the battery's voltage, in counts of 4 mV."""
+        (counts,) = self.request("I", 0).values
+        return counts
 
 
 def _halt(line: Line) -> None:

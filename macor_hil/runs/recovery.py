@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 
 from macor_hil.errors import CameraError, MacorError, RobotError, is_refused
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, is_hopeless
-from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robots.robot import Robot
 
 _T = TypeVar("_T")
 
@@ -20,7 +20,7 @@ _PAUSE: Final = 0.2
 
 
 def wait_until_both_work(
-    robot: Khepera,
+    robot: Robot,
     camera: CheckedCamera,
     patience: float,
     check: Callable[[], None] = lambda: None,
@@ -110,7 +110,7 @@ class TrainingRecovery:
     """
 
     def __init__(
-        self, robot: Khepera, camera: CheckedCamera, ask: Ask | None = None, patience: float = 30.0
+        self, robot: Robot, camera: CheckedCamera, ask: Ask | None = None, patience: float = 30.0
     ) -> None:
         self._robot = robot
         self._camera = camera

@@ -18,9 +18,9 @@ from khepera_protocol.zenoh.payloads import Pose
 from pydantic import ValidationError
 
 from macor_hil.hardware.cameras import Camera, Frame
-from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.line.line_statistics import Durations, Meter
 from macor_hil.hardware.odometry import Wheels, integrate
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.planner import Aim
 from macor_hil.runs.agent import Step
@@ -169,7 +169,7 @@ class RunReporter:
             commands=self.commands,
         )
 
-    def follow(self, robot: Khepera) -> None:
+    def follow(self, robot: Robot) -> None:
         """Take the time from an embedded robot, and the figures of its line."""
         self._meter = robot.meter
         if self._options.address.embedded:
@@ -208,7 +208,12 @@ class RunReporter:
         self._odometry = Odometry(pose=self._odometry.pose, counters=(0, 0))
         self.say(Phase.DRIVING)
 
-    def count(self, step: Step, robot: Khepera, aim: Aim | None = None) -> None:
+    def change_course(self, options: RunOptions) -> None:
+        """Tell of another planner or goal from now on."""
+        self._options = options
+        self.say(Phase.DRIVING)
+
+    def count(self, step: Step, robot: Robot, aim: Aim | None = None) -> None:
         """Count a step, and tell it.
 
         Args:

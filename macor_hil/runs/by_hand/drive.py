@@ -7,7 +7,7 @@ from typing import Final
 from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.hardware.cameras import Camera, Frame
 from macor_hil.hardware.driver import Driver
-from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.runs.by_hand.keyboard import HELP, HaltError, Key, Keyboard
 from macor_hil.runs.by_hand.teller import Teller
 
@@ -32,7 +32,7 @@ class Drive:
     def __init__(
         self,
         driver: Driver,
-        robot: Khepera,
+        robot: Robot,
         camera: Camera,
         teller: Teller,
         say: Callable[[str], None],

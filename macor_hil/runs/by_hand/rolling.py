@@ -12,7 +12,7 @@ from typing import Final
 from khepera_protocol.serial.units import CONTROL_PERIOD
 
 from macor_hil.hardware.driver import DriveSettings, is_touching
-from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robots.robot import Robot
 
 LIMIT: Final = 0.5
 """Seconds after a velocity within which the robot stands, if no other one comes."""
@@ -38,7 +38,7 @@ class Rolling:
         settings: its wheels, its greatest speed, and the infrared reading that counts as touching.
     """
 
-    def __init__(self, robot: Khepera, settings: DriveSettings) -> None:
+    def __init__(self, robot: Robot, settings: DriveSettings) -> None:
         self._robot = robot
         self._settings = settings
         self._ends = inf

@@ -17,7 +17,7 @@ from macor_hil.errors import TelemetryError
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.devices import robot_of
 from macor_hil.hardware.driver import DriveSettings
-from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.hardware.standstill import standing_on_failure
 from macor_hil.runs.by_hand.rolling import LIMIT, Rolling
 from macor_hil.safety.interruption import signals_taken_over
@@ -109,7 +109,7 @@ class _DrivenRobot:
 
     def __init__(
         self,
-        robot: Khepera,
+        robot: Robot,
         bridge: Bridge,
         twists: Twists,
         controllers: _Controllers,
@@ -137,8 +137,8 @@ class _DrivenRobot:
         self._tell("n", "h")
         if (now := time.monotonic()) - self._asked_battery > _BATTERY:
             self._asked_battery = now
-            (readings.battery,) = self._robot.request("I", 0).values
-            self._tell("i")
+            readings.battery = self._robot.battery()
+            self._tell("i")  # where it is known
         while self._bridge.forward(0.0) and time.monotonic() - now < _A_MOMENT:
             pass
 

@@ -24,8 +24,8 @@ from khepera_protocol.zenoh.payloads import Pose
 from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.hardware.cameras import Frame
 from macor_hil.hardware.driver import Outcome
-from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.odometry import Wheels, integrate
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.runs.by_hand.options import TeleopOptions
 from macor_hil.telemetry.publisher import Publisher
@@ -69,7 +69,7 @@ class Teller:
         self._time = 0.0
 
     @contextmanager
-    def telling(self, robot: Khepera) -> Iterator[None]:
+    def telling(self, robot: Robot) -> Iterator[None]:
         """Tell that a drive of a robot begins, and how it ends."""
         if self._embedded:
             self._clock = robot.clock
