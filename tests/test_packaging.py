@@ -41,6 +41,7 @@ NEEDS = {
     "uvicorn": "dashboard",
     "websockets": "dashboard",
     "pandas": "analysis",
+    "prometheus_client": "metrics",
     "pybullet": "emulator",
     "rosbags": "ros",
     "xxhash": "ros",
