@@ -27,7 +27,7 @@ VENV := .venv
 SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 BIN := $(VENV)/$(SCRIPTS)
 READY := $(VENV)/ready
-# Sphinx and the dashboard want different versions of docutils: two environments.
+# Sphinx and its themes are of no use to those who run or test: an environment of their own.
 RELEASE_VENV := .venv-release
 RELEASE_BIN := $(RELEASE_VENV)/$(SCRIPTS)
 RELEASE_READY := $(RELEASE_VENV)/ready

@@ -33,7 +33,7 @@ from short_training import train_shortly
 
 from macor_hil.errors import BenchError
 from macor_hil.mind.map_file import load_map
-from macor_hil.runs.learning_on import LIVED
+from macor_hil.runs.learning.learning_on import LIVED
 from macor_hil.telemetry.feed import Feed
 from macor_hil.telemetry.session import open_session
 

@@ -11,6 +11,7 @@ import tomllib
 import zipfile
 from collections.abc import Iterator
 from email import message_from_bytes
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -36,7 +37,9 @@ NEEDS = {
     "matplotlib": "pictures",
     "mcap": "recording",
     "mcap_protobuf": "recording",
-    "nicegui": "dashboard",
+    "starlette": "dashboard",
+    "uvicorn": "dashboard",
+    "websockets": "dashboard",
     "pandas": "analysis",
     "pybullet": "emulator",
     "rosbags": "ros",
@@ -297,3 +300,45 @@ def test_a_program_tells_its_version(program: str) -> None:
     command = [sys.executable, "-m", program, "--version"]
     said = subprocess.run(command, timeout=PATIENCE, capture_output=True, text=True, check=True)
     assert said.stdout.strip() == f"{PROJECT['name']} {PROJECT['version']}"
+
+
+@pytest.mark.parametrize("package", ["khepera_emulator", "khepera_protocol", "macor_hil"])
+def test_a_package_tells_its_version_and_nothing_that_it_has_not(package: str) -> None:
+    module = import_module(package)
+    assert module.__version__ == PROJECT["version"]
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'versoin'"):
+        _ = module.versoin
+
+
+@pytest.mark.parametrize(
+    "shell",
+    [
+        "bash",
+        pytest.param("zsh", marks=pytest.mark.long),
+        pytest.param("fish", marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.parametrize("program", ["khepera-emulator", "macor-hil"])
+def test_a_shell_completes_commands(program: str, shell: str) -> None:
+    module = {"khepera-emulator": "khepera_emulator.app.cli", "macor-hil": "macor_hil.cli"}[program]
+    variable = f"_{program.replace('-', '_')}_COMPLETE".upper()
+    code = f"import sys; sys.argv[0] = {program!r}; from {module} import main; main()"
+
+    def run(**variables: str) -> str:
+        return subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, **variables},
+            timeout=PATIENCE,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+
+    assert variable in run(**{variable: f"source_{shell}"})
+    line = f"{program} re"
+    typed = {"COMP_WORDS": line, "COMP_CWORD": "1", "_TYPER_COMPLETE_ARGS": line}
+    fish = {"_TYPER_COMPLETE_FISH_ACTION": "get-args"} if shell == "fish" else {}
+    offered = run(**{variable: f"complete_{shell}"}, **typed, **fish)
+    assert "replay" in offered
+    assert "truth" not in offered
+    assert "train" not in offered

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from in_process import open_robot
-from khepera_protocol.options import OptionError
+from khepera_protocol.options import Cli, OptionError
 from typer.testing import CliRunner
 
 import khepera_emulator  # noqa: F401 - registers khepera://
@@ -166,3 +166,10 @@ def test_a_wrong_value_is_told(options: dict[str, str], says: str) -> None:
     done = CliRunner().invoke(app, ["run", *words])
     assert isinstance(done.exception, OptionError)
     assert says in str(done.exception)
+
+
+def test_help_explains_every_word_that_an_option_offers() -> None:
+    for name, info in RobotOptions.model_fields.items():
+        offered = next((each.metavar or "" for each in info.metadata if isinstance(each, Cli)), "")
+        words = [word for word in offered.split("|") if "|" in offered and word.islower()]
+        assert all(word in str(info.description) for word in words), name

@@ -14,7 +14,7 @@ from made_once import made_once
 from short_training import train_shortly
 
 import macor_hil.hardware.devices
-import macor_hil.runs.learning_on
+import macor_hil.runs.learning.learning_on
 import macor_hil.runs.live_run
 import macor_hil.runs.recovery
 from khepera_emulator.ports.protocol_khepera import Serial
@@ -35,7 +35,7 @@ from macor_hil.hardware.way_out import drive_away
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.memories.transitions import SensorimotorMap
-from macor_hil.runs.learning_on import LIVED
+from macor_hil.runs.learning.learning_on import LIVED
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import AfterCollision, RunOptions
 from macor_hil.runs.run_reporter import Ending
@@ -352,7 +352,7 @@ def test_the_map_is_written_now_and_then_and_at_every_end(
         kept.append(training[LIVED])
         save_map(path, brain, training)
 
-    monkeypatch.setattr(macor_hil.runs.learning_on, "save_map", save)
+    monkeypatch.setattr(macor_hil.runs.learning.learning_on, "save_map", save)
 
     def end(decision: Decision) -> None:
         if decision.sequence == 6:
@@ -369,7 +369,7 @@ def test_a_full_disk_costs_nothing_that_was_learned(
     options: RunOptions, map_file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     full = [MapError("no space left")] * 2
-    monkeypatch.setattr(macor_hil.runs.learning_on, "save_map", NotYet(save_map, *full))
+    monkeypatch.setattr(macor_hil.runs.learning.learning_on, "save_map", NotYet(save_map, *full))
     assert serve(changed(options, map_file=map_file, learn=True, save_every=2)).learned == 6
     assert load_map(map_file)[1][LIVED] == 6
 

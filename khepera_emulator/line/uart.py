@@ -56,6 +56,11 @@ class Uart:
         self._sending = TimedBytes()
         self.baud = baud
 
+    def note_faults(self) -> None:
+        """Take note that faults were switched on or off."""
+        self._faulty = bool(self.faults)
+        self._plain = not self._faulty and not self._garbled
+
     @property
     def baud(self) -> int | None:
         """Rate in bits a second, or None for a line that takes no time.

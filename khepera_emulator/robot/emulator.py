@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from khepera_protocol.serial.errors import RequestError
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, Truth
+from khepera_protocol.zenoh.payloads import FaultsOn, FaultSwitch, Outline, Pose, Push, Reset, Truth
 
 from khepera_emulator.body.drift import draw_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import Happening
+from khepera_emulator.line.fault_text import MOST_FAULTS, parse_fault
 from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
 from khepera_emulator.robot.ailments import Ailments
@@ -84,6 +85,7 @@ class Emulator:
         self._next_rate: int | None = None
         self._later: list[tuple[float, bytes]] = []
         self._refusals = 0
+        self._ailments: Ailments | None = None
         streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
@@ -201,6 +203,42 @@ class Emulator:
         else:
             self._reset_world(reset, reset.seed)
         return self.truth()
+
+    @property
+    def arrangement(self) -> tuple[tuple[float, float, float], ...]:
+        """Places and headings of the things that robots can push; other ones once they moved."""
+        things = self._fleet.world.things
+        return tuple((each.footprint.x, each.footprint.y, each.heading) for each in things)
+
+    def push(self, push: Push) -> Outline:
+        """Put a thing somewhere else, at rest; everything else stays as it is.
+
+        Raises:
+            EmulatorError: there is no such thing, a robot holds it, or the place is not free.
+        """
+        self._fleet.push(push.thing, push.x, push.y)
+        return self.outline()
+
+    def switch_faults(self, switch: FaultSwitch) -> FaultsOn:
+        """Switch faults of the robot and its line on and off.
+
+        Raises:
+            EmulatorError: one of them is no fault, or there are too many; nothing has changed.
+        """
+        faults = self.uart.faults
+        new = [parse_fault(spec) for spec in switch.on]
+        if len(new) + faults.count > MOST_FAULTS:
+            raise EmulatorError(f"a robot has {MOST_FAULTS:,} faults at most")
+        for kind in switch.off:
+            faults.switch_off(kind)
+        for fault in new:
+            faults.switch_on(fault, self.now)
+        self.uart.note_faults()
+        if faults.befall_robots and self._ailments is None:
+            # what it began to feel counts from the robot's time 0
+            self._ailments = Ailments(faults, self.now - self._robot.time)
+            self._robot.ailments = self._ailments
+        return FaultsOn(kinds=faults.kinds)
 
     def put_anew(self, seed: int) -> None:
         """Be put at the start of a world that was made anew, all chance anew from a seed."""

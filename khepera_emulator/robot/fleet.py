@@ -3,19 +3,21 @@
 from collections.abc import Iterator
 from functools import cached_property
 from heapq import merge
+from math import hypot
 from typing import Any, Protocol
 
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose
 
 from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.periods import is_moving, run_periods
 from khepera_emulator.robot.rolling import Rolling
 from khepera_emulator.turrets.radio import RadioMedium
 from khepera_emulator.world.enclosure import Enclosure
 from khepera_emulator.world.floor_plan import Surroundings
-from khepera_emulator.world.free_space import Gap
+from khepera_emulator.world.free_space import Gap, check_room
 from khepera_emulator.world.solids import Disc, Footprint, footprint
 from khepera_emulator.world.world import World
 
@@ -138,6 +140,36 @@ class Fleet:
         movers += [Disc(pose.x, pose.y, radius, 0.0) for pose, radius in starts]
         scene = Surroundings(self.world.plan, movers)
         return lambda pose: scene.clearance(pose.x, pose.y) - own.radius
+
+    def push(self, number: int, x: float, y: float) -> None:
+        """Put a thing somewhere else, at rest; metres.
+
+        Raises:
+            EmulatorError: there is no such thing, a robot holds it, or the place is not free.
+        """
+        things = self.world.things
+        if number >= len(things):
+            there = f"there are {len(things)}, from 0 on" if things else "there are none"
+            raise EmulatorError(f"there is no thing {number} to push: {there}")
+        thing = things[number]
+        if thing.footprint not in self.world.movers:
+            raise EmulatorError(f"the thing {number} is held by a robot")
+        place = Pose(x=x, y=y, heading=0.0)
+        scene = self.world.scene(thing.footprint)
+        # of a shared world they are in the scene
+        others = [] if self._shared else self.members
+        poses = [(each.robot.chassis.pose, each.radius) for each in others]
+        bodies = [hypot(x - pose.x, y - pose.y) - radius for pose, radius in poses]
+        own = thing.footprint
+        reach = max(hypot(cx - own.x, cy - own.y) for cx, cy in own.corners())
+        check_room(
+            place,
+            lambda _: min([scene.clearance(x, y), *bodies]) - reach,
+            self.enclosure.holds,
+            what=f"the thing {number}",
+        )
+        thing.place(x, y)
+        self.world.arrangement += 1
 
     @cached_property
     def enclosure(self) -> Enclosure:

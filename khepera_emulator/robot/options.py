@@ -85,8 +85,8 @@ class RobotOptions(BaseModel):
     )
     baud: Annotated[str, Cli(metavar="auto|unpaced|N")] = Field(
         default=AUTO,
-        description="Rate of the line: the one the client has set; none, the line takes no time;"
-        " or a number of bits a second: clients at another rate read and send garbage.",
+        description="Rate of the line: auto, the one the client has set; unpaced, the line takes no"
+        " time; or a number of bits a second: clients at another rate read and send garbage.",
     )
     fault: Annotated[tuple[str, ...], Cli(metavar="SPEC", names=FAULTS.names)] = Field(
         default=(),

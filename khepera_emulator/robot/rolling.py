@@ -38,6 +38,7 @@ class Rolling(ABC):
 
     Attributes:
         chassis: its body.
+        ailments: faults of its own; None: there are none.
         touched: whether it has touched anything since it was put down.
         ticks: control periods since it was made.
         panel: state that a client can set beside the motors; made anew with every power-on.
@@ -55,7 +56,7 @@ class Rolling(ABC):
         dead_man: float | None = None,
         ailments: Ailments | None = None,
     ) -> None:
-        self._ailments = ailments
+        self.ailments = ailments
         self._dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
         self._heard = 0
         self.drift = drift
@@ -131,7 +132,7 @@ class Rolling(ABC):
             contact=self.chassis.contact,
             touched=self.touched,
             drift=self.drift,
-            faults=() if self._ailments is None else self._ailments.names(self.time),
+            faults=() if self.ailments is None else self.ailments.names(self.time),
         )
 
     def _is_forgotten(self) -> bool:
@@ -143,4 +144,4 @@ class Rolling(ABC):
         sd = self._spot_slip_sd if on_the_spot else self._slip_sd
         left, right = next(self._slip)
         slip = sd * left, sd * right
-        return slip if self._ailments is None else self._ailments.slip(self.time, slip)
+        return slip if self.ailments is None else self.ailments.slip(self.time, slip)

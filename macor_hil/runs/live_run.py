@@ -7,6 +7,7 @@
                      wait for robot and camera, open them
       drive          until a collision, the last command, a goal, or somebody ends the run
         _drive_on      look, plan, drive a command, learn, tell watchers; again
+        _steered       pause or change planner, where that is allowed (`telemetry.steer_key`)
         _back_off      after a collision, where that does not end the run: away from the wall
         _recover       after a failure: stop, wait until robot and camera work, drive on
                      whatever is raised stops the robot before it goes on (`standing_on_failure`)
@@ -28,13 +29,14 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from math import inf
 from typing import Any, Final
 
 import numpy as np
 import zenoh
 from khepera_protocol.system.supervisor import Supervisor
-from khepera_protocol.zenoh.controller_payloads import Phase
+from khepera_protocol.zenoh.controller_payloads import Phase, Steer
 from khepera_protocol.zenoh.payloads import Pose
 
 from macor_hil.errors import CameraError, MacorError, RobotError
@@ -50,7 +52,7 @@ from macor_hil.mind.experience import Moment
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.planners.planner import Aim, Plan, Planner, Preparing, aim_of, is_over
 from macor_hil.runs.agent import Agent
-from macor_hil.runs.learning_on import LearningOn, learning_on
+from macor_hil.runs.learning.learning_on import LearningOn, learning_on
 from macor_hil.runs.options import AfterCollision, RunOptions
 from macor_hil.runs.recovery import pause, wait_for, wait_until_both_work
 from macor_hil.runs.run_reporter import Ending, OnStep, RunReport, RunReporter
@@ -60,6 +62,7 @@ from macor_hil.safety.late_bell import LateBell
 from macor_hil.telemetry.metrics import metrics_of
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
+from macor_hil.telemetry.steer_key import Helm, SteerKey
 from macor_hil.telemetry.stop_key import StopKey
 
 _log = logging.getLogger(__name__)
@@ -98,11 +101,9 @@ def serve(options: RunOptions, on_step: OnStep | None = None, start: Pose = _ORI
     with ExitStack() as stack:
         interruption = stack.enter_context(signals_taken_over())
         brain, settings, learning = _prepare(options, stack)
-        planner = options.make_planner()
-        memory = memory_for(brain, planner)  # a map without it is refused before anything moves
-        if isinstance(planner, Preparing):
-            planner.prepare(memory)
-        session, publisher = stack.enter_context(_telemetry(options, interruption))
+        planner = _prepared(_planner_of(options, brain), brain)
+        helm = Helm(partial(_check_course, options, brain))
+        session, publisher = stack.enter_context(_telemetry(options, interruption, helm))
         reporter = stack.enter_context(
             RunReporter(
                 options, interruption, settings.wheels, start, publisher, on_step, supervisor
@@ -116,12 +117,38 @@ def serve(options: RunOptions, on_step: OnStep | None = None, start: Pose = _ORI
         try:
             with _hardware(options, session, reporter, check) as hardware:
                 run = _LiveRun(
-                    options, settings, hardware, brain, reporter, interruption, check, learning
+                    options,
+                    settings,
+                    hardware,
+                    brain,
+                    reporter,
+                    interruption,
+                    check,
+                    learning,
+                    helm,
                 )
                 reporter.ending = run.drive(planner)
         except KeyboardInterrupt:
             reporter.ending = Ending.INTERRUPTED
         return reporter.report()
+
+
+def _planner_of(options: RunOptions, brain: Brain) -> Planner:
+    """Return a planner, for whose memory the map is refused before anything moves."""
+    planner = options.make_planner()
+    memory_for(brain, planner)
+    return planner
+
+
+def _prepared(planner: Planner, brain: Brain) -> Planner:
+    if isinstance(planner, Preparing):
+        planner.prepare(memory_for(brain, planner))
+    return planner
+
+
+def _check_course(options: RunOptions, brain: Brain, wish: Steer) -> None:
+    """Refuse a planner or goal that cannot be had."""
+    _planner_of(options.steered(wish), brain)
 
 
 def _prepare(
@@ -169,7 +196,7 @@ def _hardware(
 
 @contextmanager
 def _telemetry(
-    options: RunOptions, interruption: Interruption
+    options: RunOptions, interruption: Interruption, helm: Helm
 ) -> Iterator[tuple[zenoh.Session | None, Publisher | None]]:
     with ExitStack() as stack:
         if not (options.listen or options.connect or options.zenoh_config):
@@ -181,6 +208,8 @@ def _telemetry(
         publisher = stack.enter_context(Publisher(session, options.robot))
         if options.stop_key:
             stack.enter_context(StopKey(session, options.robot, interruption.ask))
+        if options.steer_key:
+            stack.enter_context(SteerKey(session, options.robot, helm))
         yield session, publisher
 
 
@@ -195,6 +224,7 @@ class _LiveRun:
         interruption: what may end it.
         check: raises where the run is to end, and gives signs of life.
         learning: keeps what is learned; None: nothing is.
+        helm: the wishes of those who may steer it.
     """
 
     def __init__(
@@ -207,6 +237,7 @@ class _LiveRun:
         interruption: Interruption,
         check: Callable[[], None],
         learning: LearningOn | None,
+        helm: Helm,
     ) -> None:
         self._options = options
         self._settings = settings
@@ -217,6 +248,7 @@ class _LiveRun:
         self._interruption = interruption
         self._check = check
         self._learning = learning
+        self._helm = helm
         self._in_a_row = 0
         self._stuck = self._since_begin = 0
 
@@ -244,8 +276,11 @@ class _LiveRun:
             timed = _TimedPlanner(planner, bell, self._reporter)
             after = self._options.after_collision
             while True:
+                timed = self._steered(timed, bell)
                 try:
                     ending = self._drive_on(agent, timed, rng)
+                    if ending is None:
+                        continue
                     if ending is not Ending.COLLISION or after is AfterCollision.STOP:
                         return ending
                     self._back_off(driver, rng)
@@ -256,7 +291,8 @@ class _LiveRun:
         """Wait for the first picture while the robot stands."""
         wait_for(self._camera.grab, self._options.wait, self._check, self._reporter.missing)
 
-    def _drive_on(self, agent: Agent, planner: Planner, rng: np.random.Generator) -> Ending:
+    def _drive_on(self, agent: Agent, planner: Planner, rng: np.random.Generator) -> Ending | None:
+        """Drive to the end of the run, or a collision; None where somebody steers it."""
         reporter, limit = self._reporter, self._options.commands
         reporter.begin()
         self._since_begin = 0
@@ -273,6 +309,8 @@ class _LiveRun:
             self._check()
             if step.outcome.collided:
                 return Ending.COLLISION
+            if self._helm.wants:
+                return None
         # a robot that stands at its goal from the beginning drives no command
         at_goal = is_over(aim) or not limit or reporter.driven < limit
         return Ending.GOAL if at_goal else Ending.COMMANDS
@@ -293,6 +331,19 @@ class _LiveRun:
             _log.warning(why)
             self._reporter.say(Phase.RECOVERING, why)
             pause(_STUCK_PAUSE, self._check)
+
+    def _steered(self, planner: "_TimedPlanner", bell: LateBell) -> "_TimedPlanner":
+        """Stand as long as somebody wants it, and return the planner to go on with."""
+        if self._helm.paused:
+            self._reporter.say(Phase.PAUSED)
+            self._helm.hold(all_of(self._check, self._reporter.check))
+        course = self._helm.course()
+        if course is None:
+            return planner
+        self._options = self._options.steered(course)
+        self._reporter.change_course(self._options)
+        chosen = _prepared(_planner_of(self._options, self._brain), self._brain)
+        return _TimedPlanner(chosen, bell, self._reporter)
 
     def _recover(self, error: MacorError) -> None:
         """Stop, wait until robot and camera work again, and know where that leaves the robot.

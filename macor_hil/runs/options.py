@@ -2,10 +2,11 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
 from khepera_protocol.options import Cli
 from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT
+from khepera_protocol.zenoh.controller_payloads import Steer
 from pydantic import Field, field_validator
 
 from macor_hil.errors import MacorError
@@ -85,7 +86,7 @@ class TrainOptions(SeedOptions, ProfileOptions, SpeedOptions, DeviceOptions, Map
     )
     listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
         default=(),
-        description="Where watchers find an emulated robot inside this process.",
+        description="Where watchers find this training, and an emulated robot inside this process.",
     )
     restart: Annotated[bool, Cli(flags=("--restart",))] = Field(
         default=False, description="Begin anew, even with a map or checkpoint there."
@@ -146,6 +147,11 @@ class RunOptions(
     stop_key: Annotated[bool, Cli(flags=("--stop-key",))] = Field(
         default=False, description="Let whoever reaches macor/NAME/stop end the run."
     )
+    steer_key: Annotated[bool, Cli(flags=("--steer-key",))] = Field(
+        default=False,
+        description="Let whoever reaches macor/NAME/steer pause the run and choose planner and"
+        " goal.",
+    )
     camera_limit: float = Field(
         default=DEFAULT_LIMIT,
         ge=0.0,
@@ -191,6 +197,17 @@ class RunOptions(
         """Name of the planner: where a goal is given, the one that drives to goals."""
         default = RunOptions.model_fields["planner"].default
         return _TO_GOALS if self.goal and self.planner == default else self.planner
+
+    def steered(self, wish: Steer) -> Self:
+        """Return these options with another planner or goal.
+
+        Raises:
+            MacorError: there is no such goal.
+        """
+        planner = wish.planner or (_TO_GOALS if wish.goal else self.planner_name)
+        goal = wish.goal if wish.goal is not None or planner != _TO_GOALS else self.goal
+        name = destination(goal).name if goal else ""
+        return self.model_copy(update={"planner": planner, "goal": name})
 
     def make_planner(self) -> Planner:
         """Make the planner with its settings, the goal among them.

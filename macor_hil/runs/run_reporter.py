@@ -208,6 +208,11 @@ class RunReporter:
         self._odometry = Odometry(pose=self._odometry.pose, counters=(0, 0))
         self.say(Phase.DRIVING)
 
+    def change_course(self, options: RunOptions) -> None:
+        """Tell of another planner or goal from now on."""
+        self._options = options
+        self.say(Phase.DRIVING)
+
     def count(self, step: Step, robot: Robot, aim: Aim | None = None) -> None:
         """Count a step, and tell it.
 

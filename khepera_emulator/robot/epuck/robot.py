@@ -142,15 +142,15 @@ class Robot(Rolling):
     def proximity(self) -> tuple[int, ...]:
         """Read the infrared sensors: eight counts above their zeros."""
         counts = self.ring.counts(self._reflected(), self.panel.zeros)
-        return counts if self._ailments is None else self._ailments.proximity(self.time, counts)
+        return counts if self.ailments is None else self.ailments.proximity(self.time, counts)
 
     def ambient(self) -> tuple[int, ...]:
         """Read ambient light: eight counts."""
         light = self._scan("ambient")
         counts = tuple(map(int, light))
-        if self._ailments is None:
+        if self.ailments is None:
             return counts
-        return self._ailments.ambient(self.time, counts, self.model.dark)
+        return self.ailments.ambient(self.time, counts, self.model.dark)
 
     def calibrate(self) -> None:
         """Take the infrared sensors' zeros, as they are now."""
@@ -159,7 +159,7 @@ class Robot(Rolling):
     def battery(self) -> int:
         """Read the battery, raw."""
         raw = self.model.battery[0]
-        return raw if self._ailments is None else self._ailments.battery(self.time, raw)
+        return raw if self.ailments is None else self.ailments.battery(self.time, raw)
 
     def volumes(self) -> tuple[int, ...]:
         """Read the microphones: a quiet room."""
@@ -228,9 +228,9 @@ class Robot(Rolling):
             left.drive(0)
             right.drive(0)
         paces = left.pace, right.pace
-        if self._ailments is not None:
+        if self.ailments is not None:
             # a weak motor loses steps that are counted all the same
-            paces = self._ailments.speeds(self.time, paces)
+            paces = self.ailments.speeds(self.time, paces)
         way = STEP * CONTROL_PERIOD
         slip = self._draw_slip(paces[0] * paces[1] < 0.0)
         return (paces[0] * way, paces[1] * way), slip
@@ -256,7 +256,7 @@ class Robot(Rolling):
 
     def _view(self) -> Pose:
         pose = self.chassis.pose
-        if self._ailments is None:
+        if self.ailments is None:
             return pose
-        turned = self._ailments.heading(self.time)
+        turned = self.ailments.heading(self.time)
         return pose.model_copy(update={"heading": pose.heading + turned})

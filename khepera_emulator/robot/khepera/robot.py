@@ -135,8 +135,8 @@ class Robot(Rolling):
         # computed when first asked for: most scans are never read
         if "proximity" not in self._scans:
             counts = self.infrared.proximity(*self._scan_pose)
-            if self._ailments is not None:
-                counts = self._ailments.proximity(self.time, counts)
+            if self.ailments is not None:
+                counts = self.ailments.proximity(self.time, counts)
             self._scans["proximity"] = counts
         return self._scans["proximity"]
 
@@ -144,17 +144,17 @@ class Robot(Rolling):
         """Return the latest ambient light scan: eight counts."""
         if "ambient" not in self._scans:
             counts = self.infrared.ambient(*self._scan_pose)
-            if self._ailments is not None:
-                counts = self._ailments.ambient(self.time, counts, self.model.dark)
+            if self.ailments is not None:
+                counts = self.ailments.ambient(self.time, counts, self.model.dark)
             self._scans["ambient"] = counts
         return self._scans["ambient"]
 
     def analogue(self, channel: int) -> int:
         """Return the counts at an A/D input; the first one is the battery's."""
         counts = self.panel.analogue[channel]
-        if channel or self._ailments is None:
+        if channel or self.ailments is None:
             return counts
-        return self._ailments.battery(self.time, counts)
+        return self.ailments.battery(self.time, counts)
 
     def _start_scan(self) -> None:
         chassis = self.chassis
@@ -183,8 +183,8 @@ class Robot(Rolling):
             left.drive_speed(0)
             right.drive_speed(0)
         free = left.control(), right.control()
-        if self._ailments is not None:
-            free = self._ailments.speeds(self.time, free)
+        if self.ailments is not None:
+            free = self.ailments.speeds(self.time, free)
         self._free = free_left, free_right = free
         # mean of the speeds at both ends of the period, in counts and metres a period
         mean_left, mean_right = (left.speed + free_left) / 2, (right.speed + free_right) / 2

@@ -12,7 +12,6 @@ from khepera_protocol.palette import drawing_style
 from khepera_protocol.zenoh.payloads import Outline, Pose, Solid
 
 from macor_hil.arrays import Array
-from macor_hil.monitor.dashboard import svg
 from macor_hil.monitor.pictures import trials_figure, way_windows
 from macor_hil.runs.trials import Trial
 
@@ -61,10 +60,20 @@ def test_the_simulation_is_that_of_the_eyes() -> None:
     assert lab("#FFFFFF", "protanopia") == pytest.approx([100.0, 0.0, 0.0], abs=0.5)
 
 
+def of_the_page(scheme: int) -> tuple[str, ...]:
+    """Colours of the dashboard's page that are compared: light ones (0) or dark ones (1)."""
+    style = (ROOT / "macor_hil/monitor/dashboard/page/page.css").read_text("utf-8")
+    names = "best|other|good|bad|ink|faint"
+    found = re.findall(rf"--(?:{names}): light-dark\((#\w{{6}}), (#\w{{6}})\)", style)
+    assert len(found) == 6
+    return tuple(pair[scheme] for pair in found)
+
+
 COMPARED = {
     "curves": palette.SERIES,
     "ways": (palette.WHITE, palette.VERMILION, palette.SKY),
-    "dashboard": (svg.BEST, svg.OTHER, svg.GOOD, svg.BAD, svg.INK, svg.FAINT),
+    "light dashboard": of_the_page(0),
+    "dark dashboard": of_the_page(1),
 }
 
 
