@@ -495,7 +495,7 @@ class TestCommandLine:
         ("options", "sentence"),
         [
             (["--arena", "nowhere"], "unknown arena 'nowhere'"),
-            (["--model", "e-puck"], "there is no robot model 'e-puck'; did you mean epuck?"),
+            (["--model", "lego"], "there is no robot model 'lego'; there are khepera"),
             (["--drift", "much"], "cannot read the drift 'much'"),
             (["--baud", "fast"], "--baud: 'fast' is no rate; give auto, unpaced, or a rate"),
             (["--robot", "a/b"], "--robot: 'a/b': a name is made of letters"),
