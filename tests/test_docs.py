@@ -4,6 +4,7 @@ import importlib.util
 import os
 import pydoc
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -213,6 +214,25 @@ def test_every_module_is_in_the_reference(package: str) -> None:
     folder = Path(not_none(importlib.import_module(package).__file__)).parent
     modules = {f"{package}.{file.stem}" for file in folder.glob("*.py")}
     assert modules - {f"{package}.__init__"} <= listed
+
+
+def test_names_that_share_a_text_get_a_field_each_in_the_reference() -> None:
+    lines = [
+        "A wheel.",
+        "",
+        ":ivar left, right: metres a count;",
+        "             in files, too.",
+        "",
+    ]
+    lines += [":ivar base: metres.", ":param a, b, c: counts."]
+    runpy.run_path(str(DOCS / "site" / "conf.py"))["one_by_one"](lines)
+    assert lines == [
+        *("A wheel.", ""),
+        *(":ivar left: metres a count;", "             in files, too.", ""),
+        *(":ivar right: metres a count;", "             in files, too.", ""),
+        ":ivar base: metres.",
+        *(":param a: counts.", ":param b: counts.", ":param c: counts."),
+    ]
 
 
 @pytest.mark.timeout(4 * PATIENCE)

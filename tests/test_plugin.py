@@ -5,6 +5,7 @@ import sys
 import tomllib
 from importlib.metadata import entry_points
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from emulator_process import PATIENCE, has_ended
@@ -102,8 +103,10 @@ class Run:
 
 
 def test_a_robot_is_there_and_a_failure_shows_its_line(run: Run) -> None:
-    result = run(ROBOTS)
+    result = run(ROBOTS, "--junitxml=report.xml")
     result.assert_outcomes(passed=1, failed=1)
+    (failure,) = ElementTree.parse(run.folder / "report.xml").iter("failure")
+    assert r"request  'G,7,8\n'" in str(failure.text)
     lines = [line for line in result.outlines if " s  " in line]
     result.stdout.fnmatch_lines(["*- Khepera's line -*", "(*/khepera1/wire.jsonl)"])
     assert [line.split("  ")[-1].strip() for line in lines] == [

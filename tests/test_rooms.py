@@ -1,5 +1,6 @@
 """The folders import one way, and each keeps to its subject; `docs/design.md` draws them."""
 
+from collections import Counter
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -104,3 +105,10 @@ def test_the_mind_knows_little_of_the_rest() -> None:
             seen.add(imported)
             assert imported != "macor_hil.files" or module == "macor_hil.mind.map_file"
     assert seen == SEEN_BY_THE_MIND
+
+
+def test_no_two_files_of_tests_have_one_name() -> None:
+    # pytest imports them by their bare names, and stops where one is there twice
+    names = Counter(file.name for file in Path(__file__).parent.rglob("*.py"))
+    names.subtract(["conftest.py"] * names["conftest.py"])
+    assert [name for name, count in names.items() if count > 1] == []

@@ -3,13 +3,16 @@
 The pages are those of `docs/`, as they are; the navigation is the list in `docs/README.md`.
 """
 
+from __future__ import annotations
+
 import re
 import shutil
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 DOCS = Path(__file__).parent.parent
 METADATA = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]
@@ -46,6 +49,7 @@ html_show_sphinx = False
 # a page that is opened as a file may not read others to show parts of them
 html_show_search_summary = False
 
+_SEVERAL = re.compile(r":(?P<kind>ivar|param) (?P<names>\w+(?:, \w+)+):")
 _BOUNDS = re.compile(r"Annotated\[([^,]+?), FieldInfo\(.*?\]\)\]")
 
 
@@ -65,6 +69,19 @@ def plain(*told: Any) -> None:
     lines[:] = [re.sub(r"\||\*(?=\w)", r"\\\g<0>", line) for line in lines]
 
 
+def one_by_one(*told: Any) -> None:
+    """Give every name of `left, right: metres` a field: Sphinx takes the first one for a type."""
+    lines: list[str] = told[-1]
+    fields = []
+    for field in re.split(r"\n(?=\S)", "\n".join(lines)):
+        if several := _SEVERAL.match(field):
+            kind, text = several["kind"], field[several.end() :]
+            fields += [f":{kind} {name}:{text}" for name in several["names"].split(", ")]
+        else:
+            fields.append(field)
+    lines[:] = "\n".join(fields).split("\n")
+
+
 def without_bounds(*told: Any) -> tuple[str | None, str | None]:
     """Show the type of an option alone: its bounds are long, and the command reference has them."""
     signature, returned = told[-2:]
@@ -80,6 +97,7 @@ def front_page(app: Sphinx, exception: Exception | None) -> None:
 def setup(app: Sphinx) -> None:
     """Connect to what Sphinx does."""
     app.connect("source-read", navigation)
+    app.connect("autodoc-process-docstring", one_by_one)
     app.connect("autodoc-process-docstring", plain)
     app.connect("autodoc-process-signature", without_bounds)
     app.connect("build-finished", front_page)

@@ -94,7 +94,11 @@ def pytest_runtest_makereport(
     """Add the wire log of a test's robot to the report, if it has failed."""
     report = yield
     if report.failed and _ROBOT in item.stash:
-        report.sections.append(_section(item.stash[_ROBOT]))
+        section = _section(item.stash[_ROBOT])
+        if hasattr(report.longrepr, "addsection"):  # which JUnit's XML shows, too
+            report.longrepr.addsection(*section)
+        else:
+            report.sections.append(section)
     return report
 
 
