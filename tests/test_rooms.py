@@ -29,6 +29,7 @@ IO = {
 """Modules that know files, lines, clocks, threads, a process or its terminal."""
 
 WITH_IO = {
+    "khepera_protocol.compiled": {"os", "pathlib", "sys"},
     "khepera_protocol.extras": {"sys", "urllib"},
     "khepera_protocol.options": {"pathlib", "typer"},
     "khepera_protocol.registry": {"pathlib", "sys"},
@@ -38,6 +39,7 @@ WITH_IO = {
 """The only ones that import them, of the mind and of the protocol beside two of its folders."""
 
 SEEN_BY_THE_MIND = {
+    "khepera_protocol.compiled",
     "khepera_protocol.mirror",
     "khepera_protocol.options",
     "khepera_protocol.registry",

@@ -20,6 +20,7 @@ from khepera_emulator.line.fault import Happening
 from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
 from khepera_emulator.robot.ailments import Ailments
+from khepera_emulator.robot.compiled.watcher import Until, Watched, Watcher
 from khepera_emulator.robot.equipment import Equipment
 from khepera_emulator.robot.firmware import Firmware
 from khepera_emulator.robot.fleet import Fleet
@@ -83,6 +84,7 @@ class Emulator:
         )
         self._next_rate: int | None = None
         self._refusals = 0
+        self._watcher: Watcher | None = None
         streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
@@ -143,6 +145,17 @@ class Emulator:
         if self._next_rate is not None:
             self.uart.use_rate(self._next_rate)
             self._next_rate = None
+
+    def watch(self, until: Until, writing: float) -> Watched | None:
+        """Answer a client that asks for the proximity sensors again and again; see `Watcher`.
+
+        Args:
+            until: end of it.
+            writing: seconds that a client's write takes where bytes take no time.
+        """
+        if self._watcher is None:
+            self._watcher = Watcher(writing)
+        return self._watcher.watch(self._robot, self._fleet, self.uart, until)
 
     def _change_rate(self, rate: int) -> None:
         self._next_rate = rate  # the reply to the change still goes out at the rate before

@@ -51,6 +51,7 @@ class Fleet:
         world: where they are; another one after `renew`.
         radio: the air between their radio turrets.
         members: the robots, in the order in which they do what happens at the same time.
+        power_time: when control periods began to be counted.
     """
 
     def __init__(self, arena: Arena, radius: float, size: int = 1) -> None:
@@ -62,7 +63,7 @@ class Fleet:
         self._shared = size > 1
         self.world = World(arena, shared=self._shared)
         self._robots: list[Robot] = []
-        self._power_time = 0.0
+        self.power_time = 0.0
         self._ticks = 0
 
     def close(self) -> None:
@@ -86,7 +87,7 @@ class Fleet:
         """
         before, self.world = self.world, World(self._arena, shared=self._shared)
         before.close()
-        self._power_time = self.now
+        self.power_time = self.now
         self._ticks = 0
 
     def assemble(self) -> None:
@@ -116,6 +117,12 @@ class Fleet:
         self._drive(until)
         self.now = until
 
+    def passed(self, now: float, ticks: int) -> None:
+        """Take note of time that has passed for the only member, whose control periods are done."""
+        (member,) = self.members
+        member.now = self.now = now
+        self._ticks = ticks
+
     def gap(self, own: Footprint | None = None) -> Gap:
         """Return distances from a robot's body to the nearest thing, as everything stands now."""
         scene = self.world.scene(own)
@@ -135,7 +142,7 @@ class Fleet:
         return Enclosure(self.world.plan, self._arena.start, self._radius)
 
     def _drive(self, until: float) -> None:
-        due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
+        due = int((until - self.power_time) / CONTROL_PERIOD + 1e-6)
         if due > self._ticks:
             self._ticks = due
             run_periods(self.world, self._robots, due)

@@ -18,7 +18,9 @@ from khepera_emulator.turrets.rack import Fittings, mount
 from khepera_emulator.turrets.turret import Site
 from khepera_emulator.world.world import World
 
-_SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
+SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
+"""Control periods from one scan of the sensors to the next."""
+
 _BATTERY_COUNTS = 600
 """Channel 0: half of 4.8 V, as 2.4 V. Nothing documents channels 0 to 2 (a choice)."""
 
@@ -74,19 +76,19 @@ class Robot:
         ailments: Ailments | None = None,
     ) -> None:
         self.model = model
-        self._ailments = ailments
-        self._dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
-        self._heard = 0
+        self.ailments = ailments
+        self.dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
+        self.heard_at = 0
         self.equipment = equipment or Equipment()
         slip, sensors, turrets = rng.spawn(3)
         self.drift = drift
-        self._slip = slip_sequence(slip)
+        self.slips = slip_sequence(slip)
         self._slip_sd, self._spot_slip_sd = drift.slip, drift.slip * _SPOT_SLIP
         self.chassis = Chassis(world, model, self.drift, pose)
         self.infrared = Infrared(model, self.chassis.scene, world.arena.lamp, sensors)
         self.touched = False
         self.ticks = 0
-        self._scans: dict[str, tuple[int, ...]] = {}
+        self.scans: dict[str, tuple[int, ...]] = {}
         self._start_scan()
         self._free = self._counts = (0.0, 0.0)
         self.turrets = mount(self.equipment.turrets, self._fittings(world), turrets)
@@ -103,13 +105,13 @@ class Robot:
 
     def heard(self) -> None:
         """Notice a request: whoever sends them is alive."""
-        self._heard = self.ticks
+        self.heard_at = self.ticks
 
     def put_down(self, pose: Pose) -> None:
         """Move the robot somewhere else and power it on afresh."""
         self.chassis.place(pose)
         self.touched = False
-        self._heard = self.ticks
+        self.heard_at = self.ticks
         self._free = self._counts = (0.0, 0.0)
         self._start_scan()
         self.power_on()
@@ -143,7 +145,7 @@ class Robot:
         """Let control periods pass in which nothing moves; see `run`."""
         # nothing moves, whatever the time: only the latest of the scans counts
         self.chassis.ground_speed = (0.0, 0.0)
-        if ticks // _SCAN_TICKS > self.ticks // _SCAN_TICKS:
+        if ticks // SCAN_TICKS > self.ticks // SCAN_TICKS:
             self._start_scan()
         self.ticks = ticks
         if self._carries:
@@ -164,7 +166,7 @@ class Robot:
         left.roll(turned, self._free[0] if abs(turned - wanted_left) <= _HELD else turned)
         turned = ways[1] / PULSE
         right.roll(turned, self._free[1] if abs(turned - wanted_right) <= _HELD else turned)
-        if self.ticks % _SCAN_TICKS == 0:
+        if self.ticks % SCAN_TICKS == 0:
             self._start_scan()
         if self._carries:
             self.turrets.step(self.time)
@@ -176,28 +178,28 @@ class Robot:
     def proximity(self) -> tuple[int, ...]:
         """Return the latest proximity scan: eight counts."""
         # computed when first asked for: most scans are never read
-        if "proximity" not in self._scans:
-            counts = self.infrared.proximity(*self._scan_pose)
-            if self._ailments is not None:
-                counts = self._ailments.proximity(self.time, counts)
-            self._scans["proximity"] = counts
-        return self._scans["proximity"]
+        if "proximity" not in self.scans:
+            counts = self.infrared.proximity(*self.scan_pose)
+            if self.ailments is not None:
+                counts = self.ailments.proximity(self.time, counts)
+            self.scans["proximity"] = counts
+        return self.scans["proximity"]
 
     def ambient(self) -> tuple[int, ...]:
         """Return the latest ambient light scan: eight counts."""
-        if "ambient" not in self._scans:
-            counts = self.infrared.ambient(*self._scan_pose)
-            if self._ailments is not None:
-                counts = self._ailments.ambient(self.time, counts, self.model.dark)
-            self._scans["ambient"] = counts
-        return self._scans["ambient"]
+        if "ambient" not in self.scans:
+            counts = self.infrared.ambient(*self.scan_pose)
+            if self.ailments is not None:
+                counts = self.ailments.ambient(self.time, counts, self.model.dark)
+            self.scans["ambient"] = counts
+        return self.scans["ambient"]
 
     def analogue(self, channel: int) -> int:
         """Return the counts at an A/D input; the first one is the battery's."""
         counts = self.panel.analogue[channel]
-        if channel or self._ailments is None:
+        if channel or self.ailments is None:
             return counts
-        return self._ailments.battery(self.time, counts)
+        return self.ailments.battery(self.time, counts)
 
     def truth(self) -> Truth:
         """Return ground truth, for scoring."""
@@ -208,13 +210,13 @@ class Robot:
             contact=self.chassis.contact,
             touched=self.touched,
             drift=self.drift,
-            faults=() if self._ailments is None else self._ailments.names(self.time),
+            faults=() if self.ailments is None else self.ailments.names(self.time),
         )
 
     def _start_scan(self) -> None:
         chassis = self.chassis
-        self._scan_pose = chassis.x, chassis.y, chassis.heading
-        self._scans.clear()
+        self.scan_pose = chassis.x, chassis.y, chassis.heading
+        self.scans.clear()
 
     def _fittings(self, world: World) -> Fittings:
         equipment = self.equipment
@@ -234,21 +236,21 @@ class Robot:
     def _intend(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return ways in metres that the motors give the wheels in this period, and their slips."""
         left, right = self.wheels
-        if self._dead_man is not None and self.ticks - self._heard >= self._dead_man:
+        if self.dead_man is not None and self.ticks - self.heard_at >= self.dead_man:
             left.drive_speed(0)
             right.drive_speed(0)
         free = left.control(), right.control()
-        if self._ailments is not None:
-            free = self._ailments.speeds(self.time, free)
+        if self.ailments is not None:
+            free = self.ailments.speeds(self.time, free)
         self._free = free_left, free_right = free
         # mean of the speeds at both ends of the period, in counts and metres a period
         mean_left, mean_right = (left.speed + free_left) / 2, (right.speed + free_right) / 2
         self._counts = mean_left, mean_right
         sd = self._spot_slip_sd if mean_left * mean_right < 0.0 else self._slip_sd
-        slip_left, slip_right = next(self._slip)
+        slip_left, slip_right = next(self.slips)
         slip = sd * slip_left, sd * slip_right
-        if self._ailments is not None:
-            slip = self._ailments.slip(self.time, slip)
+        if self.ailments is not None:
+            slip = self.ailments.slip(self.time, slip)
         return (mean_left * PULSE, mean_right * PULSE), slip
 
     def _wheel(self) -> Wheel:

@@ -45,14 +45,15 @@ class FloorPlan:
     Attributes:
         boxes: the stretches of all walls.
         posts: centre and radius of each post, in metres.
+        discs: the same posts as solids.
     """
 
     def __init__(self, arena: Arena) -> None:
         self.boxes = [box for wall in arena.wall for box in wall_boxes(wall)]
         self.posts = [(*post.centre, post.radius) for post in arena.cylinder]
         shades = [sum(post.colour) / 3 for post in arena.cylinder]
-        discs = [Disc(*post, grey) for post, grey in zip(self.posts, shades, strict=True)]
-        self._solids: tuple[Solid, ...] = (*self.boxes, *discs)
+        self.discs = [Disc(*post, grey) for post, grey in zip(self.posts, shades, strict=True)]
+        self._solids: tuple[Solid, ...] = (*self.boxes, *self.discs)
         self._squares: dict[tuple[int, int], tuple[Solid, ...]] = {}
         along = np.array([(b.ux, b.uy) for b in self.boxes]).reshape(-1, 2)
         across = along[:, ::-1] * (-1.0, 1.0)

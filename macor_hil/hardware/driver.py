@@ -20,7 +20,7 @@ from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 from macor_hil.commands import LONGEST_WAY as LONGEST_WAY
 from macor_hil.commands import MotorCommand
 from macor_hil.errors import RobotResetError, StrayedError
-from macor_hil.hardware.khepera import Khepera, WheelStatus
+from macor_hil.hardware.khepera import FRONT_SENSORS, Khepera, WheelStatus
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.standstill import standing_on_failure
 
@@ -60,9 +60,6 @@ class Outcome:
     counters: tuple[int, int]
 
 
-FRONT_SENSORS = slice(0, 6)
-"""Infrared sensors that face where the robot can drive to: all but the two at the back."""
-
 Guard = Callable[[], None]
 """Asked again and again while the robot drives; raises when it must not go on."""
 
@@ -89,9 +86,16 @@ LEASH = 0.15
 _SLACK_LEASH = 0.8
 """Share of the leash at which the target moves on."""
 
+_NEVER = 1 << 30
+"""More than any sensor reads."""
+
 _TRAIL = 64
 _SLACK = 40
 """Counts that a wheel may be beside its way: 3 mm."""
+
+
+def _nothing() -> None:
+    """Let it drive."""
 
 
 def is_touching(proximity: tuple[int, ...], settings: DriveSettings) -> bool:
@@ -105,7 +109,9 @@ class Driver:
     Args:
         robot: the robot.
         settings: how it is driven.
-        guard: what must hold while it drives.
+        guard: what must hold while it drives; None: nothing.
+        patient: whether the guard need not be asked between any two looks at a robot in this
+            process, which drives a command in a millisecond.
 
     Attributes:
         settings: how it is driven.
@@ -115,11 +121,14 @@ class Driver:
         self,
         robot: Khepera,
         settings: DriveSettings = DriveSettings(),
-        guard: Guard = lambda: None,
+        guard: Guard | None = None,
+        *,
+        patient: bool = False,
     ) -> None:
         self.settings = settings
         self._robot = robot
-        self._guard = guard
+        self._guard = guard or _nothing
+        self._patient = patient or guard is None
         self._target = (0, 0)
         self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
 
@@ -160,7 +169,9 @@ class Driver:
             end = self._robot.clock() + seconds
             while True:
                 self._guard()
-                proximity = self._robot.proximity()
+                proximity = self._robot.watch(
+                    self.settings.collision, 0.0, end, at_once=self._patient
+                )
                 collided = is_touching(proximity, self.settings)
                 if collided or self._robot.clock() >= end:
                     break
@@ -248,15 +259,17 @@ class Driver:
         robot.go_to(*target)
         start = robot.clock()
         duration = self._duration(longest)
+        limit = settings.collision if watch else _NEVER
         while True:
             self._guard()
-            proximity = robot.proximity()
+            proximity, elapsed, wheels = robot.follow(
+                limit, start, duration, settings.patience, at_once=self._patient
+            )
             if watch and is_touching(proximity, settings):
                 return proximity, True
-            elapsed = robot.clock() - start
-            if elapsed < duration:
+            if wheels is None:
                 continue
-            left, right = robot.status()
+            left, right = wheels
             if left.reached and right.reached:
                 return proximity, False
             self._check_remembered(left, right)

@@ -11,7 +11,7 @@ import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Any, Final, NamedTuple, Self
 
 from khepera_protocol.serial.messages import Reply, build_request
 
@@ -30,6 +30,9 @@ beside a turning wheel, L that toggles) or that reach beyond the robot (P, R, T,
 
 SETTINGS: Final = frozenset("AFJ")
 """Letters of settings that power-on forgets."""
+
+FRONT_SENSORS: Final = slice(0, 6)
+"""Infrared sensors that face where the robot can drive to: all but the two at the back."""
 
 _ATTEMPTS: Final = 3
 _STOP_LIMIT: Final = 0.5
@@ -62,6 +65,20 @@ class WheelStatus:
     reached: bool
     speed_mode: bool
     error: int
+
+
+class Look(NamedTuple):
+    """A look at a robot on its way.
+
+    Attributes:
+        proximity: the eight proximity sensors.
+        elapsed: seconds since it set out, when they were read.
+        wheels: left and right; None: they were not looked at.
+    """
+
+    proximity: tuple[int, ...]
+    elapsed: float
+    wheels: tuple[WheelStatus, WheelStatus] | None
 
 
 class Khepera:
@@ -187,6 +204,9 @@ class Khepera:
         """Drive on a line, and answer for it that the robot stands at its end."""
         self._line = line
         self.clock = line.clock
+        self._watch: Callable[[int, float, float, float], Any] | None = getattr(
+            line.port, "watch", None
+        )
         self._end = weakref.finalize(self, _leave, line, os.getpid())
 
     def _revive(self) -> bool:
@@ -265,6 +285,58 @@ class Khepera:
     def proximity(self) -> tuple[int, ...]:
         """Return the eight proximity sensors, 0 far to 1023 near."""
         return self.request("N").values
+
+    def watch(self, limit: int, begin: float, seconds: float, *, at_once: bool) -> tuple[int, ...]:
+        """Return the proximity sensors, as `proximity` does.
+
+        Args:
+            limit: counts.
+            begin: on `clock`.
+            seconds: after that.
+            at_once: whether a robot in this process may be asked as often as it takes until one of
+                the six sensors at front and sides reads so much, or that time has passed.
+        """
+        found = self._watched(limit, begin, seconds, -1.0) if at_once else None
+        if found is None:
+            return self.proximity()
+        counts: tuple[int, ...] = found.counts
+        return counts
+
+    def follow(
+        self, limit: int, begin: float, seconds: float, patience: float, *, at_once: bool
+    ) -> Look:
+        """Look at a robot on its way to a target: at its sensors, later at its wheels, too.
+
+        Args:
+            limit: counts.
+            begin: when it set out, on `clock`.
+            seconds: after which it should be there; wheels are not looked at before.
+            patience: seconds beyond that.
+            at_once: whether a robot in this process may be looked at until one of the six sensors
+                at front and sides reads so much, both wheels have reached their targets, or
+                patience is over.
+        """
+        found = self._watched(limit, begin, seconds, patience) if at_once else None
+        if found is None:
+            proximity = self.proximity()
+            elapsed = self.clock() - begin
+            seen = max(proximity[FRONT_SENSORS]) >= limit or elapsed < seconds
+            return Look(proximity, elapsed, None if seen else self.status())
+        if found.told is None:
+            seen = max(found.counts[FRONT_SENSORS]) >= limit or found.elapsed < seconds
+            return Look(found.counts, found.elapsed, None if seen else self.status())
+        left, right = (WheelStatus(reached, False, error) for reached, error in found.told)
+        return Look(found.counts, found.elapsed, (left, right))
+
+    def _watched(self, limit: int, begin: float, seconds: float, patience: float) -> Any:
+        """Return what a port in this process finds by asking itself; None: it does not."""
+        if self._watch is None:
+            return None
+        start = self.clock()
+        found = self._watch(limit, begin, seconds, patience)
+        if found is not None:
+            self.meter.watched(found.exchanges, self.clock() - start, found.longest)
+        return found
 
 
 def _halt(line: Line) -> None:

@@ -7,14 +7,16 @@ what PyBullet's renderer takes; tests hold it against that one.)
 """
 
 from math import hypot, pi
+from typing import Final
 
 import cv2
 import numpy as np
+from khepera_protocol.compiled import PlainRuns, load
 from khepera_protocol.zenoh.payloads import Pose
 from numpy.typing import NDArray
 
 from khepera_emulator.arenas.arena import Arena
-from khepera_emulator.senses.renderers.first_seen import FirstSeen
+from khepera_emulator.senses.renderers.first_seen import COMPILED, FirstSeen
 from khepera_emulator.senses.renderers.view import (
     AMBIENT,
     DIFFUSE,
@@ -25,6 +27,8 @@ from khepera_emulator.senses.renderers.view import (
     sky_colour,
 )
 from khepera_emulator.world.floor_plan import FloorPlan
+
+_RUNS: Final = PlainRuns(1_000)
 
 _COLUMNS = 256
 """Columns of the atlas, all around: 1.4 degrees each."""
@@ -71,12 +75,20 @@ class SkylineRenderer:
         """Return the atlas: from behind over left, ahead and right to behind again."""
         azimuth = self._bearings + pose.heading
         rays = np.stack([np.cos(azimuth), np.sin(azimuth)])
-        distances, solids, lit = self._solids.look(pose.x, pose.y, rays)
+        compiled = _RUNS.are_enough()
+        distances, solids, lit = self._solids.look(pose.x, pose.y, rays, compiled=compiled)
         shade = (AMBIENT + DIFFUSE * lit).astype(np.float32)
         colours = np.floor(self._colours[solids] * shade[:, None])
         # rows of the solid's upper edge and of its foot, with their fractions
         top = (self._high - np.arctan(self._rise / distances)) / self._row
         foot = (self._high - np.arctan(self._fall / distances)) / self._row
+        if compiled:
+            picture = np.empty((_ROWS, _COLUMNS, 3), np.uint8)
+            load(COMPILED).paint(picture, top, foot, colours, self._floor, self._sky)
+            return picture
+        return self._painted(top, foot, colours)
+
+    def _painted(self, top: Grid, foot: Grid, colours: NDArray[np.float32]) -> Image:
         picture = np.where(
             self._middles > foot,
             self._packed_floor,
