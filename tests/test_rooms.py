@@ -15,6 +15,7 @@ MOST = 14
 
 OPENS_THE_EMULATOR = {
     "macor_hil.cli.common",
+    "macor_hil.environment.many",
     "macor_hil.experiments.drives.arena_files",
     "macor_hil.hardware.bench",
     "macor_hil.hardware.line.serial_line",

@@ -101,6 +101,11 @@ class Emulator:
         self._fleet.close()
 
     @property
+    def fleet(self) -> Fleet:
+        """The robots that it shares its world with, itself among them."""
+        return self._fleet
+
+    @property
     def robot(self) -> Robot:
         """The robot, as its firmware finds it; another one after a seeded reset."""
         return self._robot

@@ -94,6 +94,36 @@ _SLACK = 40
 """Counts that a wheel may be beside its way: 3 mm."""
 
 
+def profiles_of(
+    settings: DriveSettings, ways: tuple[float, float]
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return speed and acceleration of both wheels that let them arrive together; units of J."""
+    longest = _longest(ways)
+    left, right = (
+        (
+            max(1, round(settings.speed * abs(way) / longest)),
+            max(1, round(settings.acceleration * abs(way) / longest)),
+        )
+        for way in ways
+    )
+    return left, right
+
+
+def duration_of(settings: DriveSettings, counts: float, leash: float = inf) -> float:
+    """Return the seconds that the profile needs for some counts, with a target so far ahead."""
+    way = counts * PULSE
+    acceleration = settings.acceleration * ACCELERATION_UNIT
+    # half a leash is left at times, from which the robot must be able to brake
+    top = min(settings.speed * SPEED_UNIT, sqrt(acceleration * leash * PULSE))
+    if way < top**2 / acceleration:
+        return 2 * sqrt(way / acceleration)
+    return way / top + top / acceleration
+
+
+def _longest(ways: tuple[float, float]) -> float:
+    return max(abs(ways[0]), abs(ways[1]), 1.0)
+
+
 def _nothing() -> None:
     """Let it drive."""
 
@@ -247,18 +277,10 @@ class Driver:
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
     ) -> tuple[tuple[int, ...], bool]:
         settings, robot = self.settings, self._robot
-        longest = max(abs(ways[0]), abs(ways[1]), 1.0)
-        profiles = [
-            (
-                max(1, round(settings.speed * abs(way) / longest)),
-                max(1, round(settings.acceleration * abs(way) / longest)),
-            )
-            for way in ways
-        ]
-        robot.set_profile(profiles[0], profiles[1])
+        robot.set_profile(*profiles_of(settings, ways))
         robot.go_to(*target)
         start = robot.clock()
-        duration = self._duration(longest)
+        duration = duration_of(settings, _longest(ways))
         limit = settings.collision if watch else _NEVER
         while True:
             self._guard()
@@ -280,11 +302,11 @@ class Driver:
         self, begin: _Counts, ways: tuple[float, float]
     ) -> tuple[tuple[int, ...], bool]:
         settings, robot = self.settings, self._robot
-        longest = max(abs(ways[0]), abs(ways[1]), 1.0)
+        longest = _longest(ways)
         leash = LEASH / min(settings.wheels.left, settings.wheels.right)
         profile = settings.speed, settings.acceleration
         robot.set_profile(profile, profile)
-        end = robot.clock() + self._duration(longest, leash) + settings.patience
+        end = robot.clock() + duration_of(settings, longest, leash) + settings.patience
         ahead = 0.0
         left = right = WheelStatus(reached=False, speed_mode=False, error=0)
         while not (ahead == longest and left.reached and right.reached):
@@ -317,14 +339,3 @@ class Driver:
                     f"sent from {begin} to {self._target} and got to {counters}: the request did"
                     " not arrive as it was sent, or the robot was reset"
                 )
-
-    def _duration(self, counts: float, leash: float = inf) -> float:
-        """Return the seconds that the profile needs for some counts, with a target so far ahead."""
-        settings = self.settings
-        way = counts * PULSE
-        acceleration = settings.acceleration * ACCELERATION_UNIT
-        # half a leash is left at times, from which the robot must be able to brake
-        top = min(settings.speed * SPEED_UNIT, sqrt(acceleration * leash * PULSE))
-        if way < top**2 / acceleration:
-            return 2 * sqrt(way / acceleration)
-        return way / top + top / acceleration

@@ -141,13 +141,33 @@ class Stage(NamedTuple):
     solids: Records
 
 
-class Drawn(NamedTuple):
-    """Random numbers drawn ahead for N robots.
+class Tally(NamedTuple):
+    """Record of N robots that are driven step by step.
 
     Attributes:
-        slips: of both wheels for each control period, shape (N, K, 2).
-        noises: for each scan a normal and a uniform number of each sensor, shape (N, K, 2, 8).
+        active: which of them take part, shape (N,).
+        collided: whether the last step ended in a collision, shape (N,).
+        counters: encoder counters of both wheels after it, shape (N, 2).
+        targets: counters that the next step is reckoned from, shape (N, 2).
+        began: times from which episodes count, shape (N,).
     """
 
-    slips: Array
-    noises: Array
+    active: NDArray[np.bool_]
+    collided: NDArray[np.bool_]
+    counters: NDArray[np.int64]
+    targets: NDArray[np.int64]
+    began: Array
+
+
+class Arcs(NamedTuple):
+    """Arcs that can be driven.
+
+    Attributes:
+        ways: counts of both wheels, shape (m, 2).
+        profiles: top speed and acceleration of each wheel, shape (m, 2, 2).
+        durations: seconds that each takes, shape (m,).
+    """
+
+    ways: NDArray[np.int64]
+    profiles: NDArray[np.int64]
+    durations: Array

@@ -6,19 +6,10 @@ the robot drives on. The plain form is the client's own loop over a `khepera://`
 
 from typing import Any
 
-from khepera_protocol.compiled import compiled, part
-from khepera_protocol.serial.units import CONTROL_PERIOD
+from khepera_protocol.compiled import compiled
 
-from khepera_emulator.robot.compiled.driving import run
 from khepera_emulator.robot.compiled.layout import POSITION
-from khepera_emulator.robot.compiled.sensing import proximity
-from khepera_emulator.robot.compiled.wheels import counter, wrap
-
-_REQUEST = 2
-"""Bytes of the requests N and K."""
-
-_REPLY = 3
-"""Bytes of a reply's letter and its end."""
+from khepera_emulator.robot.compiled.talking import ask_controllers, ask_sensors
 
 _FRONT = 6
 """Sensors that face where a robot can drive to."""
@@ -69,7 +60,7 @@ def watch(
         if robot.slips + 2 * MOST_PERIODS > len(slips) or robot.noises + 1 > len(noises):
             return MORE, asked, longest, 0.0
         before = robot.now
-        _ask_sensors(robot, walls, slips, noises, line, stage)
+        ask_sensors(robot, walls, slips, noises, line, stage)
         asked += 1
         longest = max(longest, robot.now - before)
         elapsed = robot.now - begin
@@ -83,73 +74,9 @@ def watch(
         if patience < 0.0 or robot.mode[0] != POSITION or robot.mode[1] != POSITION:
             return SEEN, asked, longest, elapsed
         before = robot.now
-        _ask_controllers(robot, walls, slips, line, stage)
+        ask_controllers(robot, walls, slips, line, stage)
         asked += 1
         longest = max(longest, robot.now - before)
         both = robot.told_reached[0] and robot.told_reached[1]
         if both or elapsed > duration + patience:
             return TOLD, asked, longest, elapsed
-
-
-@part
-def _ask_sensors(robot: Any, walls: Any, slips: Any, noises: Any, line: Any, stage: Any) -> None:
-    due = _send(robot, walls, slips, line, stage)
-    if not robot.scanned:
-        proximity(robot, noises[robot.noises], stage)
-        robot.noises += 1
-        robot.scanned = 1
-    length = _REPLY
-    for sensor in range(8):
-        length += 1 + _digits(robot.counts[sensor])
-    _receive(robot, walls, slips, due, length, line, stage)
-
-
-@part
-def _ask_controllers(robot: Any, walls: Any, slips: Any, line: Any, stage: Any) -> None:
-    due = _send(robot, walls, slips, line, stage)
-    length = _REPLY
-    for w in range(2):
-        error = wrap(robot.target[w] - counter(robot, w))
-        robot.told_reached[w], robot.told_error[w] = robot.reached[w], error
-        length += 5 + _digits(abs(error)) + (error < 0)
-    _receive(robot, walls, slips, due, length, line, stage)
-
-
-@part
-def _send(robot: Any, walls: Any, slips: Any, line: Any, stage: Any) -> float:
-    """Let time pass until a request of one letter is carried out; returns that time."""
-    pass_to(robot, walls, slips, robot.now + line.writing, stage)
-    due = max(robot.receiver_free, robot.now) + line.each * _REQUEST
-    robot.receiver_free = due
-    pass_to(robot, walls, slips, due, stage)
-    return float(due)
-
-
-@part
-def _receive(
-    robot: Any, walls: Any, slips: Any, due: float, length: int, line: Any, stage: Any
-) -> None:
-    """Let time pass until the last byte of a reply has arrived."""
-    robot.interpreter_free = due + line.busy
-    robot.heard = robot.ticks
-    sent = max(robot.sender_free, due + line.busy) + line.each * length
-    robot.sender_free = sent
-    pass_to(robot, walls, slips, sent, stage)
-
-
-@part
-def pass_to(robot: Any, walls: Any, slips: Any, moment: float, stage: Any) -> None:
-    """Let time pass to a moment of the line."""
-    ticks = int((moment - robot.power_time) / CONTROL_PERIOD + 1e-6)
-    if ticks > robot.ticks:
-        run(robot, walls, slips, ticks, stage)
-    robot.now = moment
-
-
-@part
-def _digits(count: int) -> int:
-    digits = 1
-    while count > 9:
-        count //= 10
-        digits += 1
-    return digits

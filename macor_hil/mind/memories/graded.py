@@ -35,6 +35,7 @@ class GradedMap:
             [k, a, k']; nothing follows a collision.
         tried: how often command a was driven in situation k, shape (n, m).
         earned: sum of the reinforcement that it earned, shape (n, m).
+        counted: another number whenever any of these has changed.
     """
 
     def __init__(self, nodes: int, commands: int) -> None:
@@ -43,6 +44,7 @@ class GradedMap:
         self.led_to = np.zeros((nodes, commands, nodes))
         self.tried = np.zeros((nodes, commands))
         self.earned = np.zeros((nodes, commands))
+        self.counted = 0
 
     def count(self, before: Array, command: int, after: Array | None, r: float) -> None:
         """Count one command.
@@ -53,6 +55,7 @@ class GradedMap:
             after: memberships where it ended, shape (n,), or None after a collision.
             r: what it earned.
         """
+        self.counted += 1
         self.tried[:, command] += before
         self.earned[:, command] += before * r
         if after is not None:
@@ -84,6 +87,7 @@ class GradedMap:
         if (led_to.sum(axis=2) > room).any() or (np.abs(earned) > MOST_EARNED * room).any():
             raise ValueError("commands led to more, or earned more, than they were tried")
         self.led_to, self.tried, self.earned = led_to, tried, earned
+        self.counted += 1
 
 
 class GradedSituations(Protocol):
