@@ -7,7 +7,7 @@ same wheels drive a rigid body in PyBullet instead: `rigid_body`. `periods` then
 through a period together.
 """
 
-from math import cos, inf, pi, sin
+from math import cos, pi, sin
 
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose, WheelDrift
@@ -15,7 +15,7 @@ from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 from khepera_emulator.body.contact import Contact, Motion, Touch
 from khepera_emulator.body.rigid_body import RigidBody
 from khepera_emulator.models import Model
-from khepera_emulator.world.floor_plan import Surroundings
+from khepera_emulator.world.floor_plan import NEAR, Surroundings
 from khepera_emulator.world.solids import Disc, Solid
 from khepera_emulator.world.world import World
 
@@ -125,8 +125,8 @@ class Chassis(Disc):
         if self._apart > _MOVER_MARGIN and self._arrangement == arrangement:
             return False
         reach = self.radius + self.reach + _MOVER_MARGIN
-        nearest, meets = inf, False
-        for mover in self._surroundings.others():
+        nearest, meets = NEAR, False
+        for mover in self._surroundings.around(self.x, self.y):
             gap = mover.gap(self.x, self.y)
             meets = meets or gap < reach + mover.reach
             nearest = min(nearest, gap)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from khepera_emulator.arenas.arena import Arena, Cylinder, Lamp, Movable
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.world.floor_plan import FloorPlan, Scene, Surroundings
+from khepera_emulator.world.neighbours import Neighbours
 from khepera_emulator.world.solids import Box, Footprint
 from khepera_emulator.world.things import Thing
 
@@ -131,7 +132,7 @@ class World:
         things: what robots can push.
         movers: footprints of the things, and of all robots of a shared world.
         robots: the robots of a shared world.
-        arrangement: another number whenever something was put elsewhere from outside.
+        neighbours: the movers, by where they are.
     """
 
     def __init__(self, arena: Arena, *, shared: bool = False) -> None:
@@ -151,7 +152,18 @@ class World:
         self.things = [self._add_thing(part) for part in arena.object]
         self.movers: list[Footprint] = [thing.footprint for thing in self.things]
         self.robots: list[Shown] = []
-        self.arrangement = 0
+        self.neighbours = Neighbours(self.movers)
+        self._arrangement = 0
+
+    @property
+    def arrangement(self) -> int:
+        """Another number whenever something was put elsewhere from outside."""
+        return self._arrangement
+
+    @arrangement.setter
+    def arrangement(self, number: int) -> None:
+        self._arrangement = number
+        self.neighbours.forget()
 
     def close(self) -> None:
         """End the physics client."""
@@ -198,7 +210,7 @@ class World:
         """Return what there is to see and to touch, but for one's own body."""
         if not (self.shared or self.things):
             return self.plan
-        return Surroundings(self.plan, self.movers, own)
+        return Surroundings(self.plan, self.movers, own, self.neighbours.around)
 
     def cast(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the fraction of each ray, from (N, 3) to (N, 3), that is free; 1 without a hit."""
