@@ -1,5 +1,6 @@
 """Gymnasium environments: the checker's contract, the seed, what steps earn, and a real port."""
 
+import importlib
 import subprocess
 import sys
 import warnings
@@ -485,3 +486,11 @@ def test_many_that_cannot_be_are_told_in_a_sentence(port: str, said: str) -> Non
     message = said if is_installed() else "need Numba"
     with pytest.raises(MacorError, match=message):
         make_many(IDS[0], port=port)
+
+
+@needs_numba
+def test_the_example_with_many_robots_learns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(EXAMPLE.parent)
+    train = importlib.import_module("many_robots").train
+    curve = train(robots=64, updates=8, seed=1)
+    assert np.mean(curve[-3:]) > np.mean(curve[:3]) + 0.01

@@ -228,7 +228,14 @@ class Many:
         return self._robots[rows], self._walls[rows], self._slips[rows], self._noises[rows]
 
     def _on_lines(self, rows: slice) -> tuple[Any, ...]:
-        tally = Tally(*(each[rows] for each in self.tally))
+        own = self.tally
+        tally = Tally(
+            own.active[rows],
+            own.collided[rows],
+            own.counters[rows],
+            own.targets[rows],
+            own.began[rows],
+        )
         return *self._drawn(rows), self._line, self._stage, tally
 
     def _place(self, number: int, pose: Pose, slips: int, noises: int) -> None:

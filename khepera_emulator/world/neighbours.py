@@ -1,4 +1,4 @@
-"""What moves in a world, by squares of floor: who is asked for what is near need not ask all."""
+"""All that moves in a world, by squares of floor, so that not all is asked for what is near."""
 
 from collections.abc import Iterable, Sequence
 from math import floor
