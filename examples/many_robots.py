@@ -2,9 +2,9 @@
 
     python examples/many_robots.py --robots 256 --updates 30
 
-A linear softmax policy over the eight sensors, a constant and the last command; the return of a step is
-what the rest of its episode earns (Williams 1992), with the mean over all robots as baseline. Updates
-print the mean reward of a step: 0 is a collision, 0.62 is to drive straight on.
+A linear softmax policy over the eight sensors, a constant and the last command; the return of a
+step is what the rest of its episode earns (Williams 1992), with the mean over all as baseline. Each
+update tells the mean reward of a step: 0 is a collision, 0.62 is to drive straight on.
 """
 
 import argparse
