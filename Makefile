@@ -56,6 +56,7 @@ lint: style
 
 bench: $(READY)
 	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/service.py
 
 soak: $(READY)

@@ -186,11 +186,16 @@ class Many:
             speeds: of both wheels, counts / 10 ms, shape (N, 2).
             periods: of 10 ms, 128 at most.
         """
-        self._step(
-            self.tally.active,
+        self._draw()
+        if len(self._parts) == 1:
+            # in a step of one robot slices would cost as much as the robot
+            rest = self._walls, self._slips, self._noises, *self._stage, speeds, periods
+            self._kernel.pass_periods(self._robots, *rest)
+            return
+        self._over(
             lambda rows: self._kernel.pass_periods(
                 *self._drawn(rows), *self._stage, speeds[rows], periods
-            ),
+            )
         )
 
     def look(self, active: Which, see: Callable[[int, Image], None]) -> None:
@@ -206,18 +211,23 @@ class Many:
         list(self._pool.map(take, self._parts, self._cameras))
 
     def _step(self, active: Which, call: Callable[[slice], None]) -> None:
-        if self._kernel.make_room(
-            self._robots, self._slips, self._noises, self._blocks, self._room
-        ):
-            self._draw()
+        self._draw()
         self.tally.active[:] = active
+        self._over(call)
+
+    def _over(self, call: Callable[[slice], None]) -> None:
+        """Call something for the rows of each thread."""
         if len(self._parts) == 1:
             call(self._parts[0])
         else:
             list(self._pool.map(call, self._parts))
 
     def _draw(self) -> None:
-        """Draw random numbers where there is room for them."""
+        """Draw random numbers for robots that have few left."""
+        if not self._kernel.make_room(
+            self._robots, self._slips, self._noises, self._blocks, self._room
+        ):
+            return
         slips, noises = self._room.T
         for number in np.flatnonzero(slips).tolist():
             self._slips[number, _SLIPS:] = self._draws[number].next_slips()
