@@ -3,33 +3,43 @@
 #   make test   style, types and tests
 #   make test-long  whole sweeps of experiments, installations (minutes)
 #   make bench  speed, as ratios (ten minutes)
+#   make asv    the same for commits, kept and compared (three minutes a commit; COMMITS="HEAD~3..HEAD")
 #   make hostile  bad inputs at every edge, forty times as many as in make test (minutes)
 #   make soak   long use of the serial line (ten minutes)
-#   make soak-service     an hour of service under random faults, ten times faster
+#   make soak-service     an hour of service under random faults and restarts, ten times faster
 #   make soak-watchers    an hour of eight robots and all who watch them, five times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)
+#   make viewer           Foxglove Studio for its tests, in tests/viewer/node_modules (npm, 36 MB)
 #   make docs             the documentation site, in build/site/VERSION (a few minutes)
 #   make man              man pages of both programs and their commands, in build/man
 #   make dist             source distribution and wheel, built and checked, in dist
+#   make pythons          the wheel on every CPython that is found, in environments of their own (minutes)
 #   make workflows        the forge's workflow files and forms, checked
 #   make stop-times       how long the robot rolls on when it must stop (an hour)
 
-PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
+# The first of these that runs and is new enough: a name alone may lead nowhere.
+ifndef PYTHON
+PYTHON := $(shell for each in python3.11 python3.12 python3.13 python3.14 python3 python; do \
+	"$$each" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>&- && echo "$$each" && break; done)
+endif
 VENV := .venv
 SCRIPTS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 BIN := $(VENV)/$(SCRIPTS)
 READY := $(VENV)/ready
-# Sphinx and the dashboard want different versions of docutils: two environments.
+# Sphinx and its themes are of no use to those who run or test: an environment of their own.
 RELEASE_VENV := .venv-release
 RELEASE_BIN := $(RELEASE_VENV)/$(SCRIPTS)
 RELEASE_READY := $(RELEASE_VENV)/ready
+
+# Commits that asv measures.
+COMMITS ?= HEAD^!
 
 # The site of a release is a folder of its own; others stay beside it.
 VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 SITE ?= build/site
 
-.PHONY: run test test-long style lint hostile bench soak soak-service soak-watchers pyserial-suite faults stop-times docs man dist workflows lock clean
+.PHONY: run test test-long style lint hostile bench asv soak soak-service soak-watchers pyserial-suite faults stop-times viewer docs man dist pythons workflows lock clean
 .DELETE_ON_ERROR:
 
 run: $(READY)
@@ -59,6 +69,11 @@ bench: $(READY)
 	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/service.py
 
+asv: $(RELEASE_READY)
+	$(RELEASE_BIN)/asv machine --yes --config benchmarks/asv.conf.json
+	$(RELEASE_BIN)/asv run --config benchmarks/asv.conf.json --show-stderr $(COMMITS)
+	$(RELEASE_BIN)/asv publish --config benchmarks/asv.conf.json
+
 soak: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak.py
 
@@ -77,6 +92,9 @@ soak-service: $(READY)
 soak-watchers: $(READY)
 	PYTHONPATH=tests $(BIN)/python benchmarks/soak_watchers.py
 
+viewer:
+	cd tests/viewer && npm ci --no-audit --no-fund
+
 docs: $(RELEASE_READY)
 	rm -rf $(SITE)/$(VERSION)
 	$(RELEASE_BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs auto -c docs/site \
@@ -90,6 +108,9 @@ dist: $(RELEASE_READY)
 	$(RELEASE_BIN)/python -m build --outdir dist
 	$(RELEASE_BIN)/twine check --strict dist/*
 
+pythons: $(READY)
+	PYTHONPATH=tests $(BIN)/python benchmarks/pythons.py
+
 workflows: $(RELEASE_READY)
 	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(RELEASE_BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
@@ -99,10 +120,8 @@ workflows: $(RELEASE_READY)
 	$(RELEASE_BIN)/zizmor --offline --quiet .github
 
 $(READY): requirements.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	@$(or $(PYTHON),false) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "CPython 3.11 or newer is needed; name one with: make PYTHON=/path/to/python3.11"; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 14))' || \
-		echo "There is no wheel of PyBullet for this Python yet: pip builds it, which takes a compiler and ten minutes."
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
@@ -117,7 +136,7 @@ $(RELEASE_READY): requirements-release.lock pyproject.toml
 # Every extra but that of the benchmarks, whose peer is heavy and optional.
 EXTRAS = import tomllib; \
 	extras = tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]; \
-	print(*(f"--extra={extra}" for extra in extras if extra not in ("benchmarks", "docs", "peers", "release")))
+	print(*(f"--extra={extra}" for extra in extras if extra not in ("benchmarks", "docs", "peers", "release", "tracking")))
 
 # Pin the newest versions that pyproject.toml admits (needs uv, which is not installed otherwise).
 lock: $(READY)
@@ -125,7 +144,7 @@ lock: $(READY)
 	$(BIN)/uv pip compile pyproject.toml $$($(BIN)/python -c '$(EXTRAS)') \
 		--universal --python-version 3.11 \
 		--generate-hashes --no-header --no-annotate --upgrade --quiet -o requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --extra=build --extra=docs --extra=release \
+	$(BIN)/uv pip compile pyproject.toml --extra=build --extra=docs --extra=release --extra=tracking \
 		--universal --python-version 3.11 \
 		--generate-hashes --no-header --no-annotate --upgrade --quiet -o requirements-release.lock
 

@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from khepera_protocol.palette import SERIES, drawing_style
 from khepera_protocol.serial.units import (
     ACCELERATION_UNIT,
     CONTROL_PERIOD,
@@ -87,7 +88,8 @@ def main() -> None:
     write_part(_PAGE, "straight", _straight_table(robots))
     write_part(_PAGE, "agreement", _agreement(robots))
     write_part(_PAGE, "presets", _preset_table(presets))
-    _draw(robots)
+    with drawing_style():
+        _draw(robots)
 
 
 @contextmanager
@@ -310,20 +312,21 @@ def _systematic(cw: Array, ccw: Array) -> float:
 
 
 def _draw(robots: dict[int, Errors]) -> None:
-    figure = Figure(figsize=(11.0, 5.0), layout="constrained")
+    figure = Figure(figsize=(11.0, 6.0), layout="constrained")
     left, right = figure.subplots(1, 2)
-    colours = [f"C{number}" for number in range(len(robots))]
-    for (seed, errors), colour in zip(robots.items(), colours, strict=True):
+    # more robots than colours: the second half is drawn broken
+    looks = [(colour, dash) for dash in ("-", "--") for colour in SERIES]
+    for (seed, errors), (colour, dash) in zip(robots.items(), looks, strict=False):
         for name, turn, mark in (("cw", -1, "o"), ("ccw", 1, "^")):
             _draw_ends(left, errors.drift, getattr(errors, name)[:, -1], turn, mark, colour)
-        _draw_straight(right, errors, f"robot {seed}", colour)
+        _draw_straight(right, errors, f"robot {seed}", colour, dash)
     left.set(xlabel="error in x, mm", ylabel="error in y, mm", title="after the square")
     left.set_aspect("equal")
     right.set(xlabel="straight on, m", ylabel="error across, mm", title="straight on")
-    right.legend(fontsize=8)
     for panel in (left, right):
-        panel.grid(alpha=0.3)
-    figure.savefig(PICTURES / "drift-umbmark.png", dpi=80)
+        panel.grid()
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.savefig(PICTURES / "drift-umbmark.png")
 
 
 def _draw_ends(
@@ -331,7 +334,7 @@ def _draw_ends(
 ) -> None:
     expected = theory(drift, square(turn))
     mean, spread = 1000 * expected.mean[-1], 1e6 * expected.covariance[-1][:2, :2]
-    axes.plot(*(1000 * ends[:, :2].T), mark, color=colour, markersize=4, alpha=0.7)
+    axes.plot(*(1000 * ends[:, :2].T), mark, color=colour, markersize=5, alpha=0.7)
     axes.plot(*mean[:2], "+", color=colour, markersize=9)
     sizes, turns = np.linalg.eigh(spread)
     axes.add_patch(
@@ -346,11 +349,11 @@ def _draw_ends(
     )
 
 
-def _draw_straight(axes: Any, errors: Errors, label: str, colour: str) -> None:
+def _draw_straight(axes: Any, errors: Errors, label: str, colour: str, dash: str) -> None:
     expected = theory(errors.drift, straight())
     metres = np.arange(1, _METRES + 1)
     mean, sd = 1000 * expected.mean[:, 1], 1000 * np.sqrt(expected.covariance[:, 1, 1])
-    axes.plot([0, *metres], [0, *mean], color=colour, label=label)
+    axes.plot([0, *metres], [0, *mean], color=colour, linestyle=dash, label=label)
     axes.fill_between(metres, mean - 2 * sd, mean + 2 * sd, color=colour, alpha=0.08)
     for run in errors.straight:
         axes.plot(metres, 1000 * run[:, 1], ".", color=colour, markersize=4)

@@ -14,7 +14,7 @@ from rig import RELAYED, Controller, Rig
 
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.memories.transitions import SensorimotorMap
-from macor_hil.runs.checkpoints import checkpoint_path
+from macor_hil.runs.learning.checkpoints import checkpoint_path
 
 _SCRIPT: Final = training_process.__file__
 _RANDOM: Final = 25

@@ -1,6 +1,7 @@
 """Benchmarks and the figures that they give."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -30,3 +31,12 @@ class Bench(Protocol):
 def percentile(values: list[float], share: float = 99.0) -> float:
     """Return a percentile of what was measured."""
     return float(np.percentile(values, share))
+
+
+def medians(benches: Sequence[Bench], rounds: Iterable[object]) -> list[dict[str, float]]:
+    """Measure all benches in turn, once in each round: for each bench the median of each name."""
+    found: list[list[dict[str, float]]] = [[] for _ in benches]
+    for _ in rounds:
+        for bench, each in zip(benches, found, strict=True):
+            each.append(bench.round())
+    return [{name: median(one[name] for one in each) for name in each[0]} for each in found]

@@ -4,9 +4,10 @@ A map is trained in one light; pictures from places of their own are then change
 would, and the share of them that is still taken for the same situation is counted.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
+from khepera_protocol.palette import MARKERS, drawing_style
 from khepera_protocol.zenoh.payloads import Reset
 from matplotlib.figure import Figure
 from page import DOCS, PICTURES, table, write_part
@@ -43,13 +44,19 @@ def main() -> None:
     head = ("change", *(f"{share:g}" for share in _SHARES))
     rows = [(name, *(f"{100 * value:.0f} %" for value in row)) for name, row in kept.items()]
     write_part(_PAGE, "light", table(head, rows))
-    figure = Figure(figsize=(6, 3.2), layout="constrained")
+    with drawing_style():
+        _draw(kept)
+
+
+def _draw(kept: Mapping[str, list[float]]) -> None:
+    figure = Figure(figsize=(7.5, 5.0), layout="constrained")
     axes = figure.add_subplot()
-    for name, row in kept.items():
-        axes.plot(_SHARES, [100 * value for value in row], "o-", label=name)
-    axes.set(xlabel="share of the light in training", ylabel="same situation, %", ylim=(0, 102))
-    axes.legend(fontsize=7)
-    figure.savefig(PICTURES / "light.png", dpi=110)
+    for (name, row), marker in zip(kept.items(), MARKERS, strict=False):
+        axes.plot(_SHARES, [100 * value for value in row], marker=marker, label=name)
+    axes.set(xlabel="share of the light in training", ylabel="same situation, %", ylim=(0, 105))
+    axes.grid()
+    figure.legend(loc="outside lower center", ncols=2)
+    figure.savefig(PICTURES / "light.png")
 
 
 def _trained() -> tuple[Brain, list[Image]]:

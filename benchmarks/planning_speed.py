@@ -16,7 +16,7 @@ from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.planners.anticipative import Anticipative
 
 _COMMANDS = 3
-_NEURONS = (150, 1_500, 15_000, 150_000)
+_NEURONS = (150, 1_500, 15_000, 90_000)
 _EACH = 10
 """Transitions that begin at a neuron."""
 _FAR = 20

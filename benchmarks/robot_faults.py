@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from khepera_protocol.palette import drawing_style
 from khepera_protocol.zenoh.payloads import Pose, Reset
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -107,17 +108,17 @@ def draw_battery(axes: Axes) -> None:
 
 def draw() -> Figure:
     """Draw all kinds."""
-    figure = Figure(figsize=(11.0, 8.5), layout="constrained")
+    figure = Figure(figsize=(11.5, 10.0), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=(1.6, 1.0))
     top, below = parts
     panels = (draw_sensors, draw_motors, draw_ways, draw_battery)
     for draw_panel, axes in zip(panels, top.subplots(2, 2).flat, strict=True):
         draw_panel(axes)
-        axes.legend(fontsize=8)
+        axes.legend()
     shown = {NONE: "", **{name: name for name in CAMERA}}
     for axes, (title, fault) in zip(below.subplots(2, 2).flat, shown.items(), strict=True):
         axes.imshow(panorama(fault))
-        axes.set_title(title, fontsize=10)
+        axes.set_title(title)
         axes.axis("off")
     return figure
 
@@ -132,4 +133,5 @@ def _battery(emulator: Emulator) -> Sequence[float]:
 
 
 if __name__ == "__main__":
-    draw().savefig(PICTURE, dpi=90)
+    with drawing_style():
+        draw().savefig(PICTURE)

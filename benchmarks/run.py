@@ -6,12 +6,13 @@ slower for a while is slower for both sides of a ratio. `service.py` measures th
 
 import os
 import platform
+from collections.abc import Callable
 from contextlib import ExitStack
 from importlib.metadata import version
-from statistics import median
 
 from clustering import Presentations
-from figures import Bench, Figure
+from epuck_line import EpuckLine
+from figures import Bench, Figure, medians
 from page import DOCS, report
 from peer import Peer
 from planning_speed import Planning
@@ -21,9 +22,10 @@ from simulation import Fleets, Simulation
 from training_command import TrainingCommand
 
 _ROUNDS = 5
-_BENCHES = (
+_BENCHES: tuple[Callable[[ExitStack], Bench], ...] = (
     Exchanges,
     WireTime,
+    EpuckLine,
     Simulation,
     Fleets,
     Peer,
@@ -43,16 +45,13 @@ def main() -> None:
 def measure() -> list[Figure]:
     """All rounds of all benchmarks."""
     with ExitStack() as stack:
-        benches: list[Bench] = [make(stack) for make in _BENCHES]
-        rounds: list[list[dict[str, float]]] = [[] for _ in benches]
-        for _ in track(range(_ROUNDS), "rounds", transient=True):
-            for bench, found in zip(benches, rounds, strict=True):
-                found.append(bench.round())
-        figures = []
-        for bench, found in zip(benches, rounds, strict=True):
-            medians = {name: median(each[name] for each in found) for name in found[0]}
-            figures += bench.figures(medians)
-        return figures
+        benches = [make(stack) for make in _BENCHES]
+        found = medians(benches, track(range(_ROUNDS), "rounds", transient=True))
+        return [
+            figure
+            for bench, each in zip(benches, found, strict=True)
+            for figure in bench.figures(each)
+        ]
 
 
 def _machine() -> str:

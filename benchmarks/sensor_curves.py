@@ -6,6 +6,7 @@ from math import pi, radians
 from typing import Any
 
 import numpy as np
+from khepera_protocol.palette import SERIES, drawing_style
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from page import DOCS, PICTURES, table, write_part
@@ -29,10 +30,11 @@ _PAGE = DOCS / "sensors.md"
 
 def main() -> None:
     """Draw every picture and write every table."""
-    _proximity_part("khepera", KHEPERA, KHEPERA_WALL)
-    _proximity_part("khepera2", KHEPERA2, KHEPERA2_WALL)
-    _fall_off_part()
-    _lamp_part()
+    with drawing_style():
+        _proximity_part("khepera", KHEPERA, KHEPERA_WALL)
+        _proximity_part("khepera2", KHEPERA2, KHEPERA2_WALL)
+        _fall_off_part()
+        _lamp_part()
 
 
 def readings(model: Model, gap: float, off: float = 0.0) -> Array:
@@ -139,17 +141,17 @@ def _draw_proximity(name: str, model: Model, recorded: Curve) -> None:
             if number < 8
             else (curves.mean(axis=1), points.mean(axis=1))
         )
-        panel.plot(fine, curve, color="tab:blue", label="emulated")
-        panel.plot(gaps, point, "o", color="tab:orange", markersize=4, label="recorded")
-        panel.set_title(f"sensor {number}" if number < 8 else "mean of all", fontsize=9)
-        panel.grid(alpha=0.3)
-    axes[0, 0].legend(fontsize=8)
+        panel.plot(fine, curve, color=SERIES[0], label="emulated")
+        panel.plot(gaps, point, "o", color=SERIES[1], markersize=6, label="recorded")
+        panel.set_title(f"sensor {number}" if number < 8 else "mean of all")
+        panel.grid()
+    axes[0, 0].legend()
     for panel in axes[:, 0]:
         panel.set_ylabel("counts")
     for panel in axes[-1]:
         panel.set_xlabel("gap to a white wall, mm")
     figure.suptitle(model.title)
-    figure.savefig(PICTURES / f"sensors-{name}.png", dpi=80)
+    figure.savefig(PICTURES / f"sensors-{name}.png")
 
 
 def _fall_off(gap: int, angles: Iterable[float]) -> list[float]:
@@ -165,7 +167,7 @@ def _fall_off_part() -> None:
     axes = figure.subplots()
     rows = []
     fine = np.linspace(0.0, 70.0, 141)
-    for (gap, recorded), colour in zip(FALL_OFF.items(), ("tab:blue", "tab:green"), strict=True):
+    for (gap, recorded), colour in zip(FALL_OFF.items(), SERIES, strict=False):
         axes.plot(fine, _fall_off(gap, fine), color=colour, label=f"emulated, {gap} mm")
         axes.plot(
             list(recorded), list(recorded.values()), "o", color=colour, label=f"recorded, {gap} mm"
@@ -179,9 +181,10 @@ def _fall_off_part() -> None:
         rows.append([str(gap), "all", "", "mean absolute", f"{np.abs(errors).mean():.0f}"])
         rows.append([str(gap), "all", "", "worst", _signed(_worst(errors))])
     axes.set(xlabel="angle between lobe and the wall's normal, degrees", ylabel="counts")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
-    figure.savefig(PICTURES / "sensors-angle.png", dpi=80)
+    axes.set_ylim(bottom=0.0)
+    axes.grid()
+    axes.legend()
+    figure.savefig(PICTURES / "sensors-angle.png")
     head = ["gap in mm", "angle in degrees", "recorded", "emulated", "error"]
     write_part(_PAGE, "angle", table(head, rows))
 
@@ -197,7 +200,7 @@ def _lamp_reading(distance: float, angle: float = 0.0) -> float:
 
 
 def _lamp_part() -> None:
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    figure = Figure(figsize=(11.0, 5.0), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     fine = np.linspace(20.0, 1100.0, 109)
     left.plot(fine, [_lamp_reading(d / 1000) for d in fine], label="emulated")
@@ -209,9 +212,9 @@ def _lamp_part() -> None:
         right.plot(angles, curve, label=f"emulated, {distance} mm")
     right.set(xlabel="angle off the sensor's axis, degrees")
     for panel in (left, right):
-        panel.grid(alpha=0.3)
-        panel.legend(fontsize=8)
-    figure.savefig(PICTURES / "sensors-lamp.png", dpi=80)
+        panel.grid()
+        panel.legend()
+    figure.savefig(PICTURES / "sensors-lamp.png")
     _write_lamp_table()
 
 

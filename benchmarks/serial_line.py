@@ -13,7 +13,7 @@ import serial
 from figures import Figure, percentile
 from khepera_protocol.serial.units import wire_time
 
-from khepera_emulator.line.uart import INTERPRETER_TIME
+from khepera_emulator.line.dialect import KHEPERA
 
 _EXCHANGES = 3000
 _PACED = {9600: 60, 38400: 150, 115200: 300}
@@ -59,10 +59,10 @@ class Exchanges:
     """
 
     def __init__(self, stack: ExitStack) -> None:
-        emulator, daemon = stack.enter_context(_emulator("unpaced"))
-        self._robot = Client(emulator)
+        path, daemon = stack.enter_context(emulator("unpaced"))
+        self._robot = Client(path)
         reply = self._robot.by_line(_REQUEST).rstrip().decode()
-        bare, echo = stack.enter_context(_bare_pty(reply))
+        bare, echo = stack.enter_context(bare_pty(reply))
         self._bare = Client(bare)
         self._pids = {"robot": daemon, "bare": echo}
 
@@ -131,10 +131,10 @@ class WireTime:
     """
 
     def __init__(self, stack: ExitStack) -> None:
-        path, _ = stack.enter_context(_emulator("auto"))
+        path, _ = stack.enter_context(emulator("auto"))
         self._robot = Client(path)
         reply = self._robot.by_chunk(_SENSORS).rstrip().decode()
-        bare, _ = stack.enter_context(_bare_pty(reply))
+        bare, _ = stack.enter_context(bare_pty(reply))
         self._bare = Client(bare)
         self._errors: dict[tuple[str, int], list[float]] = {
             (name, rate): [] for name in ("robot", "bare") for rate in _PACED
@@ -150,7 +150,7 @@ class WireTime:
                 start = clock()
                 reply = self._robot.by_chunk(_SENSORS)
                 taken = clock() - start
-                ideal = wire_time(len(_SENSORS) + len(reply), rate) + INTERPRETER_TIME
+                ideal = wire_time(len(_SENSORS) + len(reply), rate) + KHEPERA.busy
                 self._errors["robot", rate].append(taken - ideal)
                 self._ideals[rate] = ideal
                 wait = f"{ideal:.6f}\n".encode()
@@ -197,13 +197,15 @@ def _processor_time(pid: int) -> float:
 
 
 @contextmanager
-def _emulator(baud: str) -> Iterator[tuple[str, int]]:
+def emulator(baud: str, *more: str) -> Iterator[tuple[str, int]]:
+    """Start a robot's process; yield its terminal's path, and the process's number."""
     options = ("-m", "khepera_emulator.app.cli", "run", "--no-zenoh", "--arena", "open-box")
-    with _process(*options, "--baud", baud) as (announced, pid):
+    with _process(*options, "--baud", baud, *more) as (announced, pid):
         yield announced.partition(" on ")[2].partition(",")[0], pid
 
 
-def _bare_pty(reply: str) -> AbstractContextManager[tuple[str, int]]:
+def bare_pty(reply: str) -> AbstractContextManager[tuple[str, int]]:
+    """Start a bare terminal's process; yield the same of it."""
     return _process(str(Path(__file__).with_name("bare_pty.py")), reply)
 
 

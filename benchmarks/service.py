@@ -33,8 +33,8 @@ from macor_hil.hardware.line.serial_line import Line
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.expected import Expected
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.checkpoints import train_map
 from macor_hil.runs.demo import DemoSettings, emulator_process
+from macor_hil.runs.learning.checkpoints import train_map
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 from macor_hil.runs.training import Schedule

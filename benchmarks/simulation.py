@@ -17,7 +17,7 @@ from khepera_emulator.body.contact import Contact
 from khepera_emulator.body.motors import Wheel
 from khepera_emulator.robot.emulator import Emulator, Setup, make_fleet
 from khepera_emulator.senses.infrared import Infrared
-from khepera_emulator.senses.renderers.skyline import SkylineRenderer
+from khepera_emulator.senses.renderers.layered import LayeredRenderer
 
 STEP = 0.020
 """Seconds of simulated time between two looks at the robot."""
@@ -62,7 +62,7 @@ def ask(emulator: Emulator) -> None:
 _WHEELS: tuple[str, Part] = ("the wheels' controllers", (Wheel, "control"))
 _PUSHING: tuple[str, Part] = ("the impulses at the wall", (Contact, "push"))
 _RAYS: tuple[str, Part] = ("the sensors' rays", (Infrared, "gaps"))
-_RENDERING: tuple[str, Part] = ("the renderer", (SkylineRenderer, "render"))
+_RENDERING: tuple[str, Part] = ("the renderer", (LayeredRenderer, "render"))
 _CASES = (
     _Case("away from walls", _OPEN, _CIRCLE, 60.0, 1, _nothing, _WHEELS),
     _Case("always in contact with a wall", AT_WALL, _PUSH, 30.0, 1, _nothing, _PUSHING),

@@ -17,16 +17,14 @@ import subprocess
 import sys
 import threading
 import time
-import urllib.request
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Final
 
-import socketio
 from emulator_process import EmulatorProcess, free_endpoint
 from khepera_protocol.zenoh.payloads import Reset
 from page import DOCS, table, write_part
@@ -34,6 +32,8 @@ from rich.console import Console
 from rig import Controller
 from short_training import train_shortly
 from soak_service import Use, use_of
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from macor_hil.errors import BenchError
 from macor_hil.hardware.bench import ZenohBench
@@ -174,32 +174,24 @@ def _read_all(descriptor: int) -> None:
 
 @contextmanager
 def _browser(address: str) -> Iterator[None]:
-    """Open a page as a browser does: get it, then take what its WebSocket sends."""
-    page = ""
-    while not page:
+    """Open a page as a browser does, and take what its WebSocket sends."""
+    taken: list[int] = []
+
+    def take(page: ClientConnection) -> None:
+        taken.extend(len(message) for message in page)
+
+    live = f"{address.replace('http', 'ws', 1)}/live"
+    with connect(live, origin=Origin(address), max_size=None) as page:
+        page.send("{}")
+        taking = threading.Thread(target=take, args=(page,))
+        taking.start()
         try:
-            with urllib.request.urlopen(address) as answer:
-                page = answer.read().decode()
-        except OSError:
-            time.sleep(0.1)  # not served yet
-    found = re.search(r"'client_id': '([^']+)'", page)
-    if found is None:
-        raise SystemExit("the page has another form than this script knows")
-    client = socketio.Client()
-    query = f"client_id={found[1]}&tab_id=soak&document_id=soak&next_message_id=0"
-    client.connect(
-        f"{address}/?implicit_handshake=true&{query}",
-        socketio_path="/_nicegui_ws/socket.io",
-        transports=["websocket"],
-    )
-    taken: list[Any] = []
-    client.on("update", lambda *parts: taken.append(len(parts)))
-    try:
-        yield
-    finally:
-        client.disconnect()
-        if not taken:
-            raise SystemExit("the dashboard drew nothing")
+            yield
+        finally:
+            page.close()
+            taking.join()
+            if not taken:
+                raise SystemExit("the dashboard drew nothing")
 
 
 def _free_port() -> int:

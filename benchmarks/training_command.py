@@ -9,7 +9,7 @@ from figures import Figure
 from planning_speed import in_neuron
 from stopwatch import Part, Stopwatch
 
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.khepera.robot import Robot
 from macor_hil.hardware.bench import PortBench
 from macor_hil.hardware.cameras.port_camera import PortCamera
 from macor_hil.hardware.devices import open_hardware
@@ -18,6 +18,7 @@ from macor_hil.hardware.khepera import Khepera
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
+from macor_hil.mind.memories.graded import GradedMemory
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.planners.anticipative import Anticipative
 from macor_hil.mind.planners.reactive import Reactive
@@ -35,7 +36,7 @@ _PARTS: Mapping[str, Part] = {
     "Fuzzy ART": (FuzzyArt, "present"),
     "planning": (Reactive, "plan"),
     "map": (SensorimotorMap, "learn"),
-    "graded map": (Brain, "experience"),
+    "graded map": (GradedMemory, "learn"),
     "resets": (PortBench, "reset"),
 }
 

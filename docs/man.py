@@ -1,5 +1,6 @@
 """Writes man pages of both programs and all of their commands: python docs/man.py FOLDER."""
 
+import re
 import sys
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -7,6 +8,7 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Final
 
+import typer
 from rich.text import Text
 from typer.core import TyperGroup
 from typer.main import get_command
@@ -35,33 +37,60 @@ def man_pages() -> Iterator[tuple[str, str]]:
 def _page(name: str, command: Any, also: list[str]) -> str:
     """Return a page in the language of man."""
     first, _, rest = cleandoc(_plain(command.help)).partition("\n\n")
-    title, about = name.replace(" ", "-"), " ".join(first.split())
+    title, context = name.replace(" ", "-"), typer.Context(command, info_name=name)
     lines = [f'.TH "{title.upper()}" "1" "" "{_DISTRIBUTION} {version(_DISTRIBUTION)}"']
-    lines += [".SH NAME", _escaped(f"{title} - {about}")]
-    arguments = [p for p in command.params if p.param_type_name == "argument"]
-    words = [name, "[OPTIONS]", *(each.name.upper() for each in arguments)]
-    lines += [".SH SYNOPSIS", _escaped(" ".join(words))]
+    lines += [".SH NAME", _escaped(f"{title} - {_in_one_line(first)}")]
+    lines += [".SH SYNOPSIS"]
+    lines += [_escaped(" ".join([name, *command.collect_usage_pieces(context)]))]
     if rest:
         lines.append(".SH DESCRIPTION")
-        lines += [_escaped(" ".join(part.split())) + "\n.PP" for part in rest.split("\n\n")]
+        lines += [f"{_escaped(_in_one_line(part))}\n.PP" for part in rest.split("\n\n")]
+    if isinstance(command, TyperGroup):
+        lines.append(".SH COMMANDS")
+        for each, inner in command.commands.items():
+            summary = cleandoc(_plain(inner.help)).partition("\n\n")[0]
+            lines += _item(each, _in_one_line(summary))
     lines.append(".SH OPTIONS")
     for param in command.params:
-        known = [] if param in arguments else [*param.opts, *param.secondary_opts]
-        heads = known or [param.name.upper()]
-        lines += [
-            ".TP",
-            _escaped(f".B {', '.join(heads)}", macro=True),
-            _escaped(_plain(param.help)),
-        ]
-    if command.epilog:
-        lines += [".SH EXAMPLES", _escaped(" ".join(_plain(command.epilog).split()))]
+        head, text = param.get_help_record(context)
+        # what follows the help, the default and bounds, is in brackets that are no markup
+        about = param.help or ""
+        lines += _item(head, f"{_plain(about)}{text.removeprefix(about)}")
+    lines += _epilog(command.epilog or "")
     lines += [".SH SEE ALSO", _escaped(", ".join(f"{each}(1)" for each in also))]
     return "\n".join([*lines, ""])
+
+
+def _item(head: str, text: str) -> list[str]:
+    """Return a term in bold and what it is."""
+    return [".TP", _escaped(f".B {head}", macro=True), _escaped(_in_one_line(text))]
+
+
+def _epilog(marked: str) -> list[str]:
+    """Return the sections that follow the options: examples, unless a heading says otherwise."""
+    lines: list[str] = []
+    for paragraph in filter(None, cleandoc(marked).split("\n\n")):
+        heading = re.fullmatch(r"\[bold\](.*)\[/bold\]", paragraph)
+        if heading or not lines:
+            lines.append(f".SH {(heading[1] if heading else 'examples').upper()}")
+        if heading:
+            continue
+        lines.append(".PP")
+        for line in paragraph.splitlines():
+            if line.startswith("[cyan]"):  # a command keeps its line
+                lines += [".RS 4", ".nf", _escaped(f".B {_plain(line)}", macro=True), ".fi", ".RE"]
+            else:
+                lines.append(_escaped(_plain(line)))
+    return lines
 
 
 def _plain(marked: str | None) -> str:
     """Return a text without Rich's markup."""
     return Text.from_markup(marked or "").plain
+
+
+def _in_one_line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def _escaped(text: str, *, macro: bool = False) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from khepera_protocol.palette import SCALE, VERMILION
 from khepera_protocol.zenoh.payloads import Outline, Pose, Reset
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -145,8 +146,8 @@ def _draw_plan(axes: Any, outline: Outline, driven: list[Scene]) -> None:
     x, y = _in_the_arena(now.pose, now.foreseen.places[likely])
     chances = now.foreseen.chances[likely]
     seen = chances > 0.05
-    axes.scatter(x[seen], y[seen], c=chances[seen], s=3, cmap="cividis", vmin=0.0, vmax=1.0)
-    axes.plot(*_in_the_arena(now.pose, now.foreseen.way[:_FAR]), color="#D55E00", linewidth=2.5)
+    axes.scatter(x[seen], y[seen], c=chances[seen], s=3, cmap=SCALE, vmin=0.0, vmax=1.0)
+    axes.plot(*_in_the_arena(now.pose, now.foreseen.way[:_FAR]), color=VERMILION, linewidth=2.5)
     axes.plot([s.pose.x for s in driven], [s.pose.y for s in driven], ".-", color="white")
     place = (now.pose.x, now.pose.y)
     axes.add_patch(Circle(place, outline.robot_radius, facecolor="white", edgecolor="black"))

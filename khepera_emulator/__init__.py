@@ -29,7 +29,11 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> object:
-    """Import what the package offers when it is asked for."""
+    """Import what the package offers when it is asked for; read `__version__` likewise."""
+    if name == "__version__":
+        from khepera_protocol.version import installed_version
+
+        return installed_version()
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found: object = getattr(import_module(_PLACES[name]), name)

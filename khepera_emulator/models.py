@@ -9,6 +9,7 @@ from math import radians
 from typing import Final
 
 from khepera_protocol.registry import Registry
+from khepera_protocol.serial.units import SPEED_UNIT
 from khepera_protocol.text import printable
 
 from khepera_emulator.doors import find_part
@@ -43,6 +44,7 @@ class ProximityCurve:
         residual: reading without any object, for each of the 8 sensors.
         step: readings are multiples of this.
         noise: standard deviation in counts, fixed part and part of the value.
+        full: greatest count of the converter.
     """
 
     gaps: tuple[float, ...]
@@ -50,6 +52,7 @@ class ProximityCurve:
     residual: tuple[int, ...]
     step: int
     noise: tuple[float, float]
+    full: int = 1023
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +70,22 @@ class Rom:
     revision: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Model:
-    """A robot: body, line, versions and sensors.
+    """A robot on two wheels with a ring of eight infrared sensors, of any kind.
 
     Attributes:
-        versions: of BIOS and protocol, as B reads them.
-        has_flash: whether user programs can be burnt into a flash memory.
+        kind: which kind of robots it is of, a name in `robot.kind.KINDS`.
+        radius, height, wheel_radius, wheel_base: metres.
+        mass: kilograms.
+        top_speed: of a wheel without load, m/s.
+        sensor_bearings: where the sensors sit on the body's edge.
+        sensor_directions: where they look.
+        proximity: their response.
+        dark: reading of ambient light where there is none.
     """
 
+    kind: str
     name: str
     title: str
     radius: float
@@ -83,23 +93,39 @@ class Model:
     mass: float
     wheel_radius: float
     wheel_base: float
-    bauds: tuple[int, ...]
-    versions: tuple[str, str]
-    rom: Rom
+    top_speed: float
     sensor_bearings: tuple[float, ...]
     sensor_directions: tuple[float, ...]
     proximity: ProximityCurve
     dark: int
+
+    @property
+    def full_scale(self) -> int:
+        """Greatest sensor reading."""
+        return self.proximity.full // self.proximity.step * self.proximity.step
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KheperaModel(Model):
+    """A Khepera: its line, versions and controllers.
+
+    Attributes:
+        bauds: rates of its line.
+        versions: of BIOS and protocol, as B reads them.
+        has_flash: whether user programs can be burnt into a flash memory.
+        speed_gains, position_gains, profile: of the wheels' controllers after power-on.
+    """
+
+    kind: str = "khepera"
+    top_speed: float = Motor().top_speed * SPEED_UNIT
+    bauds: tuple[int, ...]
+    versions: tuple[str, str]
+    rom: Rom
     motor: Motor
     has_flash: bool = False
     speed_gains: tuple[int, int, int] = (3800, 800, 100)
     position_gains: tuple[int, int, int] = (3000, 20, 4000)
     profile: tuple[int, int] = (20, 64)
-
-    @property
-    def full_scale(self) -> int:
-        """Greatest sensor reading."""
-        return 1023 // self.proximity.step * self.proximity.step
 
 
 def _degrees(*angles: float) -> tuple[float, ...]:
@@ -160,7 +186,7 @@ _KHEPERA2_PROXIMITY = ProximityCurve(
 # of a real robot (K-Team's FAQ); the wording on a Khepera II is unknown and taken to be the same
 _ROM = Rom("KHEPERA", "October 22, 1998", "5.01")
 
-KHEPERA: Final = Model(
+KHEPERA: Final = KheperaModel(
     name="khepera",
     title="Khepera (1995), ROM 5.01",
     radius=0.0275,
@@ -179,7 +205,7 @@ KHEPERA: Final = Model(
     motor=Motor(),
 )
 
-KHEPERA2: Final = Model(
+KHEPERA2: Final = KheperaModel(
     name="khepera2",
     title="Khepera II (2001)",
     radius=0.035,
@@ -205,6 +231,8 @@ MODELS: Final = Registry(
     {
         KHEPERA.name: "khepera_emulator.models:KHEPERA",
         KHEPERA2.name: "khepera_emulator.models:KHEPERA2",
+        "epuck": "khepera_emulator.robot.epuck.models:EPUCK",
+        "epuck2": "khepera_emulator.robot.epuck.models:EPUCK2",
     },
 )
 

@@ -3,6 +3,7 @@
 MacorError
  +-- RobotError             the serial line or the robot on it
  |    +-- LinkError           the port failed: a cable, an adapter, a server
+ |    |    +-- WrongPortError      no port can ever be had by that address
  |    +-- SilenceError        no reply in time, or half of one
  |    +-- GarbageError        a reply that does not belong to its request
  |    +-- RobotResetError     the robot has started again and forgotten what it was told
@@ -10,6 +11,7 @@ MacorError
  |    +-- NotStoppedError     no stop was confirmed: the robot may still drive
  +-- CameraError            no picture, or one that cannot be used
  |    +-- CameraLostError     none came
+ |    |    +-- WrongRobotError     no robot of that name is there, but others are
  |    +-- CameraLateError     it came too late
  |    +-- CameraFrozenError   the same one again
  |    +-- CameraDarkError     nothing can be seen in it: it is dark
@@ -21,8 +23,11 @@ MacorError
  +-- MapError               a map file that is missing, damaged, or of another version
  +-- BenchError             the emulator's side channel: reset and ground truth
  +-- TelemetryError         the Zenoh session: its endpoints, names and payloads
+ |    +-- TelemetryLostError  nothing can be told any more
  +-- RecordingError         a recording that cannot be written or read
 """
+
+from typing import Final
 
 
 class MacorError(Exception):
@@ -45,6 +50,10 @@ class RobotError(MacorError):
 
 class LinkError(RobotError):
     """The serial port cannot be opened, or has failed."""
+
+
+class WrongPortError(LinkError):
+    """No port can ever be had by that address: to wait for it is of no use."""
 
 
 class SilenceError(RobotError):
@@ -73,6 +82,10 @@ class CameraError(MacorError):
 
 class CameraLostError(CameraError):
     """No picture came."""
+
+
+class WrongRobotError(CameraLostError):
+    """No robot of that name is there, but others are."""
 
 
 class CameraLateError(CameraError):
@@ -119,5 +132,31 @@ class TelemetryError(MacorError):
     """The Zenoh session cannot be opened, or what came over it cannot be read."""
 
 
+class TelemetryLostError(TelemetryError):
+    """Nothing can be told of a run any more."""
+
+
 class RecordingError(MacorError):
     """A recording cannot be written or read."""
+
+
+_REFUSED: Final = (WrongPortError, WrongRobotError, WrongPictureError)
+_LOST: Final = (
+    *(RobotError, BenchError, TelemetryLostError),
+    *(CameraLostError, CameraLateError, CameraFrozenError, CameraDarkError, CameraFlatError),
+    CameraSourceError,
+)
+
+
+def is_refused(error: Exception) -> bool:
+    """Return True if it is of no use to wait: a device will never fit what it is used for."""
+    return isinstance(error, _REFUSED)
+
+
+def is_lost(error: Exception) -> bool:
+    """Return True if a device failed or is not there: it may come, or come back.
+
+    Everything else is refused: options, files or devices that do not fit each other, and will not
+    however often it is tried.
+    """
+    return isinstance(error, _LOST) and not is_refused(error)

@@ -2,12 +2,14 @@
 
 The JSON text holds fields of `RunOptions`, and `trouble`:
 `slow planner` (it takes seconds once the robot has made a step), `exception` (a defect while the
-robot drives), `clock jump` (an hour ahead). The planner `circle` always turns left: round and round
+robot drives), `clock jump` (an hour ahead), `clock jumps` (up to a day either way, again and
+again). The planner `circle` always turns left: round and round
 without ever meeting a wall. A line `step` is printed for each decision, the end of the run or its
 error last; with `forever` the next run follows, until a signal comes.
 """
 
 import json
+import random
 import sys
 import time
 from unittest.mock import patch
@@ -86,6 +88,19 @@ def jump() -> None:
     patch.object(time, "time", jumping).start()
 
 
+def jump_about() -> None:
+    """The wall clock is set anew now and then, up to a day ahead or back."""
+    read, rng = time.time, random.Random(1)
+    offset = [0.0]
+
+    def jumping() -> float:
+        if rng.random() < 0.01:
+            offset[0] = rng.uniform(-86_400.0, 86_400.0)
+        return read() + offset[0]
+
+    patch.object(time, "time", jumping).start()
+
+
 def main() -> None:
     fields = json.loads(sys.argv[1])
     trouble = fields.pop("trouble", "")
@@ -95,6 +110,8 @@ def main() -> None:
         break_in_mid_drive()
     elif trouble == "clock jump":
         jump()
+    elif trouble == "clock jumps":
+        jump_about()
     forever = fields.pop("forever", False)
     options = RunOptions(**fields)
     planner = OWN_PLANNERS.get(options.planner, options.planner)

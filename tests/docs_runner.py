@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 PROGRAMS = ("docker", "khepera-emulator", "macor-hil", "make", "pip", "python")
 STAYS = (
     *("khepera-emulator run", "khepera-emulator watch"),
-    *("macor-hil dashboard", "macor-hil monitor", "macor-hil ros2"),
+    *("macor-hil dashboard", "macor-hil foxglove", "macor-hil monitor", "macor-hil ros2"),
 )
 
 ELSEWHERE = {
@@ -36,6 +36,7 @@ ELSEWHERE = {
     r"macor-hil reproduce ": "half an hour and more: tests/test_experiments.py",
     r"macor-hil train .*runs/corridor.npz": "minutes: tests/test_macor_cli.py",
     r"macor-hil (train|run) .*runs/maze.npz": "minutes: tests/test_goals.py",
+    r"macor-hil (train|run|trials) .*runs/epuck.npz": "minutes: tests/test_epuck_client.py",
     r"macor-hil (run|trials) .*runs/corridor.npz": "needs that map: tests/test_service.py",
 }
 """Commands that are not run here, and why or where they are instead."""

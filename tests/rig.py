@@ -63,7 +63,7 @@ class CameraRelay:
         threading.Thread(target=self._answer, args=(query,), daemon=True).start()
 
     def _answer(self, query: zenoh.Query) -> None:
-        with query:
+        with query, suppress(zenoh.ZError):  # its session may be closed meanwhile
             mode = self.mode
             if mode == "lost":
                 time.sleep(3.0)
@@ -179,11 +179,20 @@ class Rig:
             *(("--connect", self.router.endpoint) if self.router else ()),
         )
         self.emulator = EmulatorProcess(*self._options)
+        self._relayed = relay
+        self.join_zenoh()
+        self.controllers: list[Closing] = []
+
+    def join_zenoh(self) -> None:
+        """Open the session of bench and relay."""
         self._stack = ExitStack()
         self.session = self._stack.enter_context(open_session([], [self.endpoint]))
         self.bench = ZenohBench(self.session, "khepera")
-        self.relay = CameraRelay(self.session) if relay else None
-        self.controllers: list[Closing] = []
+        self.relay = CameraRelay(self.session) if self._relayed else None
+
+    def leave_zenoh(self) -> None:
+        """Close the session of bench and relay."""
+        self._stack.close()
 
     def restart_emulator(self) -> None:
         self.emulator.end(9)

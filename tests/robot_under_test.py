@@ -1,8 +1,19 @@
 """A robot that the conformance tests talk to: where it is, and the program at its port."""
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import count
 
 import serial
+
+from khepera_emulator.app.daemon import Daemon
+from khepera_emulator.arenas.arena import load_arena
+from khepera_emulator.line.clock import Clock
+from khepera_emulator.models import find_model
+from khepera_emulator.ports.rfc2217 import Rfc2217Port
+from khepera_emulator.ports.tcp import TcpPort
+from khepera_emulator.robot.emulator import Emulator, Setup
 
 PATIENCE = 10.0
 
@@ -72,3 +83,22 @@ class Place:
             while (line := client.line()) != reply:
                 assert line, "the robot does not answer"
         return client
+
+
+@contextmanager
+def served(kind: str, model: str) -> Iterator[str]:
+    """A daemon in a thread of its own; gives the URL of its port."""
+    make = TcpPort if kind == "socket" else Rfc2217Port
+    port = make("127.0.0.1:0")
+    emulator = Emulator(Setup(load_arena("corridor"), model=find_model(model), baud=None))
+    daemon = Daemon(emulator, Clock())
+    daemon.add(emulator, port, follow_rate=False)
+    thread = threading.Thread(target=daemon.run)
+    thread.start()
+    try:
+        yield port.url
+    finally:
+        daemon.stop()
+        thread.join(PATIENCE)
+        port.close()
+        emulator.close()

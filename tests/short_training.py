@@ -5,7 +5,7 @@ from pathlib import Path
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.checkpoints import train_map
+from macor_hil.runs.learning.checkpoints import train_map
 from macor_hil.runs.training import Schedule
 
 OPEN_BOX = "khepera://open-box?seed=1&drift=none"

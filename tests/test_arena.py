@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pybullet
 import pytest
+from as_type import not_none
 from khepera_protocol.zenoh.payloads import Pose
 from worlds import gap_in, reachable
 
@@ -73,11 +74,12 @@ def test_a_straight_drive_collides_in_the_eighth_command(name: str) -> None:
 
 @pytest.mark.parametrize("name", arena_names())
 def test_every_solid_stands_in_the_world(name: str) -> None:
-    world = World(load_arena(name))
+    world = World(load_arena(name), rigid=True)
+    dynamics = not_none(world.dynamics)
     parts = [
         shape
-        for solid in world.solids
-        for shape in pybullet.getCollisionShapeData(solid, -1, physicsClientId=world.client)
+        for solid in dynamics.solids
+        for shape in pybullet.getCollisionShapeData(solid, -1, physicsClientId=dynamics.client)
     ]
     world.close()
     assert len(parts) == len(world.plan.boxes) + len(world.plan.posts)
@@ -86,7 +88,7 @@ def test_every_solid_stands_in_the_world(name: str) -> None:
 def test_a_world_too_many_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pybullet, "connect", lambda _: -1)
     with pytest.raises(EmulatorError, match="no room for another world in this process"):
-        World(load_arena("corridor"))
+        World(load_arena("toys"))
 
 
 def test_the_mirror_image_of_the_corridor_is_one() -> None:

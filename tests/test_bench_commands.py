@@ -155,3 +155,13 @@ def test_without_an_emulator_it_says_so() -> None:
         f"khepera-emulator: no emulator answers on {endpoint}; start one with `khepera-emulator"
         " run`, or name its --listen endpoint with --connect\n"
     )
+
+
+def test_help_says_which_robots_without_a_name() -> None:
+    def text(command: str) -> str:
+        words = CliRunner().invoke(app, [command, "--help"]).output.replace("│", " ").split()
+        return " ".join(words)
+
+    assert "without it the only one that is found" in text("place")
+    for command in ("reset", "truth", "watch"):
+        assert "without it all that are found" in text(command)

@@ -1,17 +1,22 @@
 """The dashboard in a real browser; skipped where there is no Chromium with its driver."""
 
+import json
 import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import zenoh
 from as_type import not_none
-from controller_helpers import free_endpoint, wait_until_watched
+from controller_helpers import a_decision, free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
+from khepera_protocol.zenoh.keys import CONTROLLER
+from khepera_protocol.zenoh.payloads import Reset
 from selenium.webdriver import Chrome
-from watching_helpers import a_life
+from watching_helpers import a_life, json_event, truth
 
+from macor_hil.monitor.dashboard.passwords import hash_password
 from macor_hil.telemetry.feed import Arrival
 from macor_hil.telemetry.recordings.player import Player
 from macor_hil.telemetry.session import open_session
@@ -71,7 +76,6 @@ def count(driver: Chrome, selector: str) -> int:
     script = "return document.querySelectorAll(arguments[0]).length"
     number: int = driver.execute_script(script, selector)
     return number
-    return number
 
 
 def shows(selector: str, number: int) -> Callable[[Chrome], bool]:
@@ -81,12 +85,20 @@ def shows(selector: str, number: int) -> Callable[[Chrome], bool]:
     return found
 
 
+def size(browser: Chrome, width: int, height: int) -> None:
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False},
+    )
+
+
 def test_a_robot_appears_drives_goes_and_comes_again(browser: Chrome) -> None:
     endpoint = free_endpoint()
     life = a_life()
+    size(browser, 1280, 800)
     with (
         open_session([endpoint], []) as session,
-        dashboard("--connect", endpoint) as address,
+        dashboard("--connect", endpoint, "--robot", "khepera") as address,
     ):
         visit(browser, address)
         until(browser, says("waiting for a robot"))
@@ -94,7 +106,7 @@ def test_a_robot_appears_drives_goes_and_comes_again(browser: Chrome) -> None:
         for _ in range(2):
             with Player(session, "khepera") as player:
                 player.publish(life[0])
-                until(browser, says("robot there, nobody drives it"))
+                until(browser, says("nobody drives"))
                 driven = iter(range(4))
                 for event in life[1:-2]:
                     player.publish(event)
@@ -102,22 +114,33 @@ def test_a_robot_appears_drives_goes_and_comes_again(browser: Chrome) -> None:
                     if isinstance(event, Arrival) and event.leaf == "state":
                         until(browser, says(f"driving, {next(driven)} of 40 commands"))
                 until(browser, says("command 2: situation 17"))
-                until(browser, shows(".arena [data-kind=best]", 1))
-                until(browser, shows(".arena [data-kind=hypothesis]", 1))
-                until(browser, shows("[data-kind=neuron]", 150))
-                until(browser, shows("[data-kind=field]", 12))
-                until(browser, shows("[data-kind=reward]", 3))
-                until(browser, shows("[data-kind=sensor]", 8))
-                until(browser, says("> H"))
-            until(browser, says("waiting for a robot"))
+                until(browser, shows("#plans [data-kind=best]", 1))
+                until(browser, shows("#plans [data-kind=hypothesis]", 1))
+                until(browser, shows("#columns i", 150))
+                until(browser, shows("#columns i.now", 1))
+                until(browser, shows("#profiles [data-kind=field]", 12))
+                until(browser, shows("#rewards [data-kind=reward]", 3))
+                until(browser, shows("#infrared [data-kind=sensor]", 8))
+                until(browser, shows("#exchanges tr", 1))
+                until(browser, lambda driver: driver.execute_script(PAINTED))
+            until(browser, says("the robot has gone; last run vanished after 3 of 40 commands"))
+            until(browser, shows("#plans [data-kind]", 0))
+            until(browser, shows("#camera-card[data-stale]", 1))
         errors = [each for each in browser.get_log("browser") if each["level"] == "SEVERE"]
-    assert [each for each in errors if "favicon" not in each["message"]] == []
+    assert errors == []
     assert hosts(browser) == {"127.0.0.1"}
 
 
+PAINTED = """
+const canvas = document.getElementById("panorama");
+const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+return data.some((value) => value > 0);
+"""
+"""Tells whether the panorama was unwrapped in the browser."""
+
+
 BROKEN = """
-import sys
-from macor_hil.monitor.dashboard import charts
+from macor_hil.monitor.dashboard.drawings import charts
 def infrared(readings):
     raise ZeroDivisionError("a defect")
 charts.infrared = infrared
@@ -129,24 +152,7 @@ main()
 def test_a_page_whose_drawing_fails_says_so(browser: Chrome) -> None:
     with dashboard("--connect", free_endpoint(), code=BROKEN) as address:
         visit(browser, address)
-        until(browser, says("the page failed 1 times, please report it: ZeroDivisionError"))
-        assert says("waiting for a robot")(browser)
-
-
-def test_every_page_plays_a_recording_for_itself(browser: Chrome, recording: Path) -> None:
-    with dashboard(str(recording)) as address:
-        visit(browser, address)
-        until(browser, says("of 40 commands"))
-        first = browser.current_window_handle
-        browser.execute_script("document.querySelector('button').click()")
-        until(browser, lambda driver: "PLAY" in text_of_button(driver).upper())
-        browser.switch_to.new_window("tab")
-        visit(browser, address)
-        until(browser, says("of 40 commands"))
-        assert "PAUSE" in text_of_button(browser).upper()
-        browser.close()
-        browser.switch_to.window(first)
-        assert "PLAY" in text_of_button(browser).upper()
+        until(browser, says("please report it: ZeroDivisionError"))
 
 
 def hosts(browser: Chrome) -> set[str]:
@@ -159,57 +165,202 @@ def hosts(browser: Chrome) -> set[str]:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from macor_hil.telemetry.recordings.recording import Recorder
 
+    life = a_life(60)
+    hit = next(k for k, event in enumerate(life) if getattr(event, "leaf", "") == "decision")
+    life[hit] = json_event(CONTROLLER, "decision", a_decision(0, collided=True), 1.8)
     path = tmp_path_factory.mktemp("recording") / "drive.mcap"
     with Recorder(path, "khepera") as recorder:
-        for event in a_life(60):
+        for event in life:
             recorder.write(event)
     return path
 
 
-def test_a_recording_is_scrubbed_by_keyboard(browser: Chrome, recording: Path) -> None:
+@pytest.fixture(scope="module")
+def played(recording: Path) -> Iterator[str]:
+    """The address of a dashboard that plays a recording."""
+    with dashboard(str(recording)) as address:
+        yield address
+
+
+def plays(driver: Chrome) -> bool:
+    return bool(
+        driver.execute_script("return document.getElementById('play').innerText === 'Pause'")
+    )
+
+
+def test_every_page_plays_a_recording_for_itself(browser: Chrome, played: str) -> None:
+    visit(browser, played)
+    until(browser, says("of 40 commands"))
+    first = browser.current_window_handle
+    browser.execute_script("document.getElementById('play').click()")
+    until(browser, lambda driver: not plays(driver))
+    browser.switch_to.new_window("tab")
+    visit(browser, played)
+    until(browser, says("of 40 commands"))
+    assert plays(browser)
+    browser.close()
+    browser.switch_to.window(first)
+    assert not plays(browser)
+
+
+def test_a_recording_is_scrubbed_by_keyboard(browser: Chrome, played: str) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.select import Select
 
     def press(key: str) -> None:
         ActionChains(browser).send_keys(key).perform()
 
-    with dashboard(str(recording)) as address:
-        visit(browser, address)
-        until(browser, says("of 40 commands"))
-        press(Keys.SPACE)
-        until(browser, lambda driver: "PLAY" in text_of_button(driver).upper())
-        press(Keys.HOME)
-        until(browser, says("0.0 / 61.0 s"))
-        for _ in range(3):
-            press(Keys.ARROW_RIGHT)
-        until(browser, says("3.0 / 61.0 s"))
-        until(browser, says("command 1: situation 17"))
-        press(Keys.ARROW_LEFT)
-        until(browser, says("2.0 / 61.0 s"))
-        until(browser, says("command 0: situation 17"))
-        press(Keys.END)
-        until(browser, says("61.0 / 61.0 s"))
-        until(browser, says("waiting for a robot"))
+    visit(browser, played)
+    until(browser, says("of 40 commands"))
+    press(Keys.SPACE)
+    until(browser, lambda driver: not plays(driver))
+    press(Keys.HOME)
+    until(browser, says("0.0 / 61.0 s"))
+    for _ in range(3):
+        press(Keys.ARROW_RIGHT)
+    until(browser, says("3.0 / 61.0 s"))
+    until(browser, says("command 1: situation 17"))
+    press("p")  # a second before the collision
+    until(browser, says("0.8 / 61.0 s"))
+    assert count(browser, "#moments i.collision") == 1
+    press(Keys.END)
+    until(browser, says("61.0 / 61.0 s"))
+    until(browser, says("the robot has gone"))
+    Select(browser.find_element("id", "speed")).select_by_value("16")
+    until(browser, lambda driver: '"speed":16.0' in sent(driver))
 
 
-def text_of_button(driver: Chrome) -> str:
-    text: str = driver.execute_script("return document.querySelector('button').innerText")
-    return text
+def sent(browser: Chrome) -> str:
+    """Return what came over WebSockets since the last look."""
+    messages = [json.loads(each["message"])["message"] for each in browser.get_log("performance")]
+    frames = [each for each in messages if each["method"] == "Network.webSocketFrameReceived"]
+    return "".join(frame["params"]["response"]["payloadData"] for frame in frames)
 
 
-@pytest.mark.parametrize("width", [360, 1500])
-def test_nothing_is_wider_than_the_screen(browser: Chrome, recording: Path, width: int) -> None:
-    browser.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride",
-        {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False},
+def measures(browser: Chrome) -> tuple[int, int]:
+    """Return the width and height of all that there is."""
+    script = "const e = document.documentElement; return [e.scrollWidth, e.scrollHeight]"
+    width, height = browser.execute_script(script)
+    return width, height
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(1280, 800), pytest.param(1920, 1080, marks=pytest.mark.long)]
+)
+def test_everything_is_seen_at_once(browser: Chrome, played: str, width: int, height: int) -> None:
+    size(browser, width, height)
+    visit(browser, played)
+    until(browser, says("situation 17"))
+    assert measures(browser) == (width, height)
+    assert browser.execute_script(SCROLLED) == []
+    assert text_sizes(browser) == {13 if width == 1280 else 15}
+
+
+SCROLLED = """
+return [...document.querySelectorAll(".lane")].filter((e) => e.scrollHeight > e.clientHeight);
+"""
+
+SIZES = """
+const seen = [...document.querySelectorAll("main *, header *")].filter((e) => {
+  const text = [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+  return text && e.getClientRects().length && !["title", "OPTION"].includes(e.tagName);
+});
+return seen.map((e) => {
+  const drawing = e.closest("svg");
+  const size = parseFloat(getComputedStyle(e).fontSize);
+  return Math.round(drawing ? size * drawing.getScreenCTM().a : size);
+});
+"""
+
+
+def text_sizes(browser: Chrome) -> set[int]:
+    """Return the sizes in pixels of all text that is seen, also of that in drawings."""
+    return set(browser.execute_script(SIZES))
+
+
+def test_a_phone_shows_cards_one_below_the_other_and_some_folded(
+    browser: Chrome, played: str
+) -> None:
+    size(browser, 400, 860)
+    visit(browser, played)
+    until(browser, says("situation 17"))
+    assert measures(browser)[0] <= 400
+    tops = browser.execute_script(
+        "return [...document.querySelectorAll('.card')].filter(c => c.offsetParent)"
+        ".map(c => c.getBoundingClientRect().top)"
     )
-    with dashboard(str(recording)) as address:
+    assert len(set(tops)) == len(tops)
+    assert count(browser, "details.card:not([open])") >= 4
+    browser.execute_script("document.querySelector('#columns-card summary').click()")
+    until(browser, shows("#columns-card[open]", 1))
+    assert measures(browser)[0] <= 400
+
+
+AXE = """
+const done = arguments[arguments.length - 1];
+const told = (fault) => fault.id + ": " + fault.nodes.map((node) => node.target).join(", ");
+axe.run().then((found) => done(found.violations.map(told)));
+"""
+
+
+@pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.long)])
+def test_an_accessibility_checker_finds_no_fault(browser: Chrome, played: str, scheme: str) -> None:
+    axe = pytest.importorskip("axe_core_python")
+    size(browser, 1280, 800)
+    feature = {"name": "prefers-color-scheme", "value": scheme}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+    visit(browser, played)
+    until(browser, says("situation 17"))
+    browser.execute_script("document.getElementById('play').click()")
+    until(browser, lambda driver: not plays(driver))
+    source = (Path(axe.__file__).parent / "axe.min.js").read_text("utf-8")
+    browser.execute_cdp_cmd("Runtime.evaluate", {"expression": source})
+    assert browser.execute_async_script(AXE) == []
+
+
+def test_a_robot_is_placed_with_the_mouse(browser: Chrome) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    endpoint = free_endpoint()
+    asked: list[Reset] = []
+    size(browser, 1280, 800)
+    connect = ("--connect", endpoint, "--robot", "khepera")
+    with open_session([endpoint], []) as session, Player(session, "khepera") as player:
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                asked.append(Reset.parse(not_none(query.payload).to_bytes()))
+                query.reply(query.key_expr, truth(9.0, 0.3).model_dump_json())
+
+        with (
+            session.declare_queryable("khepera/khepera/reset", answer),
+            dashboard(*connect, "--allow-control") as address,
+        ):
+            for event in a_life()[:3]:
+                player.publish(event)
+            visit(browser, address)
+            until(browser, shows("#bodies [data-kind=robot]", 1))
+            browser.find_element("xpath", "//button[text()='With the mouse']").click()
+            arena = browser.find_element("id", "arena")
+            drag = ActionChains(browser).move_to_element(arena).click_and_hold()
+            drag.move_by_offset(0, -40).release().perform()
+            until(browser, says("khepera stands at x 30.0 cm, y 0.0 cm"))
+    (reset,) = asked
+    assert not_none(reset.pose).heading == pytest.approx(1.5708, abs=0.01)
+
+
+@pytest.mark.long
+def test_a_password_opens_the_page(browser: Chrome) -> None:
+    from selenium.webdriver.support.expected_conditions import staleness_of
+
+    hashed = hash_password("open sesame")
+    with dashboard("--connect", free_endpoint(), "--password-hash", hashed) as address:
         visit(browser, address)
-        until(browser, says("situation 17"))
-        wide = browser.execute_script("return document.documentElement.scrollWidth")
-        cards = browser.execute_script(
-            "return [...document.querySelectorAll('.card')].map(c => c.getBoundingClientRect().top)"
-        )
-    assert wide <= width
-    # one below the other on a narrow screen, side by side on a wide one
-    assert (len(set(cards)) == len(cards)) == (width == 360)
+        for password in ("wrong", "open sesame"):
+            until(browser, shows("input[type=password]", 1))
+            field = browser.find_element("id", "password")
+            field.send_keys(password)
+            field.submit()
+            until(browser, staleness_of(field))
+        until(browser, says("waiting for a robot"))

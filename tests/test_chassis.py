@@ -9,8 +9,8 @@ from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 
 from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.body.chassis import Chassis
-from khepera_emulator.models import KHEPERA, KHEPERA2, Model
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.models import KHEPERA, KHEPERA2, KheperaModel
+from khepera_emulator.robot.khepera.robot import Robot
 from khepera_emulator.world.world import World
 
 NO_DRIFT = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
@@ -30,7 +30,7 @@ def world(request: pytest.FixtureRequest) -> Iterator[World]:
         "free": {"points": [[0, 0], [0.1, 0]], "half_width": 0.1},
         "wall": [{"points": points} for points in walls],
     }
-    made = World(Arena.model_validate(arena))
+    made = World(Arena.model_validate(arena), rigid=True)
     yield made
     made.close()
 
@@ -183,7 +183,7 @@ def test_heading_of_the_pose_lies_in_one_turn(world: World) -> None:
 
 @AHEAD
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2])
-def test_truth_tells_of_contacts(world: World, model: Model) -> None:
+def test_truth_tells_of_contacts(world: World, model: KheperaModel) -> None:
     pose = Pose(x=0.0, y=0.0, heading=0.0)
     robot = Robot(world, model, pose, NO_DRIFT, np.random.default_rng(0))
     assert not robot.truth().contact

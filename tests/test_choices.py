@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.robot.choices import Choices, option_names, parse_choices
-from khepera_emulator.robot.tools import LOADER_DONE, LOADER_ERROR, load_record
+from khepera_emulator.robot.khepera.choices import Choices, option_names, parse_choices
+from khepera_emulator.robot.khepera.tools import LOADER_DONE, LOADER_ERROR, load_record
 
 
 def test_no_switch_is_the_default() -> None:

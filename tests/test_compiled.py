@@ -11,16 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 import serial
+from as_type import as_type
 from khepera_protocol import compiled
 from khepera_protocol.compiled import ALWAYS, NEVER, VARIABLE, PlainRuns, load
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 from khepera_emulator.arenas.arena import load_arena
-from khepera_emulator.senses.renderers.skyline import SkylineRenderer
+from khepera_emulator.senses.renderers.skyline import Skyline
+from khepera_emulator.world.floor_plan import FloorPlan
 from macor_hil.commands import COMMANDS
 from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.driver import Driver, DriveSettings
+from macor_hil.hardware.khepera import Khepera
 from macor_hil.mind.catalogue import build_brain
 
 needs_numba = pytest.mark.skipif(not compiled.is_installed(), reason="Numba is not installed")
@@ -89,7 +92,7 @@ PUSHING = DriveSettings(collision=5_000, patience=0.1)
 def test_watching_a_robot(url: str, settings: DriveSettings) -> None:
     baud = 38_400 if "seed=6" in url else 9600
     with open_hardware(url, baud=baud) as compiled_one, open_hardware(url, baud=baud) as plain_one:
-        plain_one.robot._watch = None
+        as_type(Khepera, plain_one.robot)._watch = None
         for seed, both in enumerate(
             zip(driven(compiled_one, settings, 1), driven(plain_one, settings, 1), strict=True)
         ):
@@ -133,14 +136,14 @@ def test_distances_are_those_of_the_standard_library() -> None:
 @pytest.mark.parametrize("arena", ["corridor", "maze", "narrow-passage", "s-curve"])
 def test_pictures(arena: str, monkeypatch: pytest.MonkeyPatch) -> None:
     mirror, loaded = Mirror(), load_arena(arena)
-    renderer = SkylineRenderer(loaded, 0.06, mirror.low, mirror.high)
+    renderer = Skyline(loaded, FloorPlan(loaded), 0.06, mirror.low, mirror.high)
     places = np.random.default_rng(2).uniform(-1.0, 1.0, (40, 3)) * (0.3, 0.3, 7.0)
     for x, y, heading in places.tolist():
         pose = Pose(x=loaded.start.x + x, y=loaded.start.y + y, heading=heading)
         monkeypatch.setenv(VARIABLE, NEVER)
-        plain = renderer.render(pose)
+        plain = renderer.look(pose).picture
         monkeypatch.setenv(VARIABLE, ALWAYS)
-        assert np.array_equal(renderer.render(pose), plain)
+        assert np.array_equal(renderer.look(pose).picture, plain)
 
 
 @needs_numba

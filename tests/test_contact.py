@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pybullet
 import pytest
+from as_type import not_none
 from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 from worlds import arena
 
@@ -30,7 +31,7 @@ def drive(
     model: Model = KHEPERA,
 ) -> tuple[np.ndarray, Chassis]:
     """Poses after each period of a robot whose wheels turn at speeds in m/s; and the robot."""
-    world = World(arena(wall=walls))
+    world = World(arena(wall=walls), rigid=rigid)
     body = Chassis(world, model, IDEAL, pose)
     ways = speeds[0] * 0.01, speeds[1] * 0.01
     places = []
@@ -166,16 +167,18 @@ def test_a_robot_at_a_wall_comes_to_rest() -> None:
 
 
 def test_pybullet_s_walls_meet_the_hull_and_no_wheel() -> None:
-    world = World(arena(wall=AHEAD))
+    world = World(arena(wall=AHEAD), rigid=True)
+    dynamics = not_none(world.dynamics)
     body = Chassis(world, KHEPERA, IDEAL, Pose(x=START, y=0.0, heading=radians(75)))
+    number = not_none(body.rigid).number
     links = set()
     for _ in range(60):
         body.aim((0.0004, 0.0004), (0.0, 0.0))
         body.drive()
         world.period()
         body.arrive()
-        for solid in world.solids:
-            points = pybullet.getContactPoints(body.body, solid, physicsClientId=world.client)
+        for solid in dynamics.solids:
+            points = pybullet.getContactPoints(number, solid, physicsClientId=dynamics.client)
             links |= {point[3] for point in points}
     world.close()
     # a wheel, a ball in the dynamics, reaches further out than the hull

@@ -29,7 +29,7 @@ from khepera_emulator.app.daemon import Daemon, _Line
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.body.drift import PRESETS
 from khepera_emulator.line.clock import Clock
-from khepera_emulator.line.uart import INTERPRETER_TIME
+from khepera_emulator.line.dialect import KHEPERA
 from khepera_emulator.ports import tcp
 from khepera_emulator.ports.pty import PtyPort
 from khepera_emulator.ports.tcp import TcpPort, tcp_address
@@ -178,14 +178,14 @@ class TestWireTime:
         with connect(paced) as port:
             for _ in range(3):
                 took, characters = self.duration(port, request_line)
-                assert took >= wire_time(characters, 9600) + INTERPRETER_TIME
+                assert took >= wire_time(characters, 9600) + KHEPERA.busy
 
     def test_rate_follows_the_client(self) -> None:
         with emulator("--no-zenoh") as running:
             for rate in (1200, 9600, 38400):
                 with connect(running, baudrate=rate) as port:
                     took, characters = self.duration(port, b"B\n")
-                    assert took >= wire_time(characters, rate) + INTERPRETER_TIME
+                    assert took >= wire_time(characters, rate) + KHEPERA.busy
 
     def test_runs_faster_with_the_clock(self) -> None:
         with (
@@ -193,7 +193,7 @@ class TestWireTime:
             connect(running, baudrate=50) as port,
         ):
             took, characters = self.duration(port, b"B\n")
-        assert took >= (wire_time(characters, 50) + INTERPRETER_TIME) / 20
+        assert took >= (wire_time(characters, 50) + KHEPERA.busy) / 20
         assert took < wire_time(characters, 50)
 
 
@@ -333,6 +333,7 @@ class TestEnd:
             assert ask(port, b"B\n") == VERSION
         assert running.end() == (0, "")
 
+    @pytest.mark.pybullet
     @pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1, 2)])
     def test_closed_standard_files_do_no_harm(
         self, tmp_path: Path, closed: tuple[int, ...]
@@ -352,6 +353,7 @@ class TestEnd:
             assert process.wait(PATIENCE) == 0
         assert list(tmp_path.iterdir()) == []
 
+    @pytest.mark.pybullet
     def test_nobody_who_reads_what_it_says_does_no_harm(self, tmp_path: Path) -> None:
         reader, writer = os.pipe()
         os.close(reader)

@@ -1,9 +1,9 @@
-"""The dashboard's drawings and words, and scrubbing through a recording; no browser here."""
+"""The dashboard's parts: drawings, words, differences, and scrubbing through a recording."""
 
-import contextlib
+import asyncio
+import json
 import logging
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 from math import radians
 from typing import Any
 
@@ -12,25 +12,31 @@ from as_type import as_type, not_none
 from controller_helpers import a_decision, a_state
 from khepera_protocol.zenoh.controller_payloads import Phase
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
-from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire, WireEntry
-from nicegui import app
-from watching_helpers import BEGIN, SECOND, a_life, a_picture, hypothesis, learned, truth
+from khepera_protocol.zenoh.payloads import Outline, Pose, Solid, Truth, Wire, WireEntry
+from starlette.websockets import WebSocketDisconnect
+from watching_helpers import (
+    BEGIN,
+    SECOND,
+    a_life,
+    a_picture,
+    hypothesis,
+    json_event,
+    learned,
+    truth,
+)
 
-from macor_hil.monitor.dashboard import arena, charts, eyes, texts, ticks
-from macor_hil.monitor.dashboard.failures import Failures, OnceEach
-from macor_hil.monitor.dashboard.sources import RecordingSource
-from macor_hil.monitor.dashboard.svg import BAD, GOOD, heat
-from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState
+from macor_hil.errors import TelemetryError
+from macor_hil.monitor.dashboard.board import Board, Parts
+from macor_hil.monitor.dashboard.connection import Connection, difference
+from macor_hil.monitor.dashboard.drawings import arena, charts, eyes, texts
+from macor_hil.monitor.dashboard.failures import Failures
+from macor_hil.monitor.dashboard.sources import RecordingSource, RecordingView, Shown
+from macor_hil.monitor.dashboard.wishes import Wish
+from macor_hil.monitor.driving import driver_of
+from macor_hil.monitor.robot_state import Controlled, Emulated, MarkKind, RobotState
+from macor_hil.monitor.way import PIECE, Way
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Event, Presence
-
-
-def parsed(svg: str) -> ElementTree.Element:
-    return ElementTree.fromstring(svg)
-
-
-def of_kind(svg: str, kind: str) -> list[ElementTree.Element]:
-    return [each for each in parsed(svg).iter() if each.get("data-kind") == kind]
 
 
 def a_watched(**changes: Any) -> RobotState:
@@ -43,45 +49,83 @@ def a_watched(**changes: Any) -> RobotState:
     return watched
 
 
-DRAWINGS: dict[str, Callable[[RobotState], str]] = {
-    "arena": arena.arena,
-    "mirror": eyes.mirror,
-    "panorama": eyes.panorama,
-    "columns": lambda w: charts.columns(w.controlled.decision, w.controlled.learned),
-    "alternatives": lambda w: charts.alternatives(w.controlled.decision),
-    "reinforcement": lambda w: charts.reinforcement(list(w.controlled.history)),
-    "infrared": lambda w: charts.infrared(
-        w.controlled.decision.infrared if w.controlled.decision else None
-    ),
-}
+def parts_of(watched: RobotState, now: float = 1.0, **others: RobotState) -> Parts:
+    return Board().parts(watched, {watched.robot: watched, **others}, now)
 
 
-@pytest.mark.parametrize("name", DRAWINGS)
-def test_every_drawing_is_well_formed_and_titled_whatever_is_known(name: str) -> None:
-    for watched in (RobotState("khepera"), a_watched()):
-        root = parsed(DRAWINGS[name](watched))
-        assert root.tag == "{http://www.w3.org/2000/svg}svg"
-        assert not_none(root.find("{http://www.w3.org/2000/svg}title")).text
-    # at any moment of a life
+def parsed(markup: object) -> ElementTree.Element:
+    return ElementTree.fromstring(f"<g>{as_type(str, markup)}</g>")
+
+
+def of_kind(markup: object, kind: str) -> list[ElementTree.Element]:
+    return [each for each in parsed(markup).iter() if each.get("data-kind") == kind]
+
+
+def text_of(part: object) -> str:
+    return "".join(parsed(part).itertext())
+
+
+def test_every_part_is_well_formed_whatever_is_known() -> None:
     watched = RobotState("khepera")
-    for event in a_life():
-        watched.take(event)
-        parsed(DRAWINGS[name](watched))
+    board = Board()
+    for event in [None, *a_life()]:  # at any moment of a life
+        if event:
+            watched.take(event)
+        for name, part in board.parts(watched, {"khepera": watched}, 1.0).items():
+            if isinstance(part, str) and "@" not in name:
+                parsed(part)
+    assert board.picture
+
+
+def test_a_part_is_made_anew_only_when_what_it_shows_has_changed() -> None:
+    watched, board = a_watched(), Board()
+    others = {watched.robot: watched}
+    before = board.parts(watched, others, 1.0)
+    assert difference({}, before) == before
+    assert difference(before, board.parts(watched, others, 1.0)) == {}
+    watched.emulated.place(truth(0.6, 0.105))
+    moved = difference(before, board.parts(watched, others, 1.0))
+    changes = {"way/0", "bodies/khepera", "robot-rows"}
+    assert changes <= set(moved) <= changes | {"near@viewBox"}
+
+
+def test_the_end_of_a_long_way_is_sent_alone() -> None:
+    watched, board = a_watched(), Board()
+    others = {watched.robot: watched}
+    for k in range(3 * PIECE):
+        watched.emulated.place(truth(1.0 + k, 0.1 + 0.01 * k))
+    before = board.parts(watched, others, 1.0)
+    assert sum(name.startswith("way/") for name in before) == 4
+    watched.emulated.place(truth(999.0, 0.1 + 0.03 * PIECE))
+    changed = difference(before, board.parts(watched, others, 1.0))
+    assert [name for name in changed if name.startswith("way/")] == ["way/3"]
+
+
+def test_children_that_are_no_more_are_taken_away() -> None:
+    assert difference({"way/0": "a", "way/1": "b"}, {"way/1": "b"}) == {"way/0": None}
 
 
 def test_the_arena_shows_all_sequences_and_marks_the_best() -> None:
     weighed = [hypothesis(4.0, "straight", "left"), hypothesis(2.0, "left"), hypothesis(1.0, "x")]
-    svg = arena.arena(a_watched(hypotheses=weighed, frame_time=0.5))
-    assert len(of_kind(svg, "hypothesis")) == 2
-    (best,) = of_kind(svg, "best")
+    parts = parts_of(a_watched(hypotheses=weighed, frame_time=0.5))
+    assert len(of_kind(parts["plans"], "hypothesis")) == 2
+    (best,) = of_kind(parts["plans"], "best")
     assert best.get("data-value") == "4"
-    assert len(of_kind(best_text(best), "best-step")) == 2
-    assert "3 hypothetical sequences" in svg
-    assert len(of_kind(svg, "robot")) == 2  # in the close-up and in the whole arena
+    assert len(of_kind(parts["plans"], "best-step")) == 2
+    assert "3 hypothetical sequences" in as_type(str, parts["arena-title"])
 
 
-def best_text(element: ElementTree.Element) -> str:
-    return ElementTree.tostring(element, encoding="unicode")
+@pytest.mark.parametrize("end", [Phase.STOPPED, Phase.FAILED, None])
+def test_the_plan_goes_with_the_run(end: Phase | None) -> None:
+    watched = a_watched(hypotheses=[hypothesis(4.0, "straight")], frame_time=0.5)
+    assert parts_of(watched)["plans"]
+    if end:
+        watched.controlled.state = a_state(end)
+    else:
+        watched.take(Presence(CONTROLLER, False, 0))
+    parts = parts_of(watched)
+    assert parts["plans"] == ""
+    assert parts["decision-card@data-gone"] == ""
 
 
 def test_a_sequence_leads_along_the_arcs_of_its_commands() -> None:
@@ -104,48 +148,121 @@ def test_sequences_begin_where_the_robot_was_when_it_decided() -> None:
 
 
 def test_without_an_emulator_the_odometry_is_drawn() -> None:
-    watched = RobotState("khepera", Controlled(learned=learned()))
+    watched = RobotState("khepera", Controlled(alive=True, learned=learned()))
     for k in range(3):
         watched.controlled.decide(a_decision(k), None)
-    path = arena.driven_path(watched)
-    assert (path[0].x, len(path)) == (0.0, 4)
+    pieces = arena.way_pieces(watched)
+    assert [len(piece) for piece in pieces.values()] == [4]
+    assert pieces[0][0].x == 0.0
     (_, way), *_ = arena.hypothetical_ways(watched)
-    assert way[0] == (path[-2].x, path[-2].y)
-    assert of_kind(arena.arena(watched), "best")
+    assert way[0] == (pieces[0][-2].x, pieces[0][-2].y)
+    assert of_kind(parts_of(watched)["plans"], "best")
+
+
+def a_room(*, gap: bool = False) -> Outline:
+    """A square of a metre with walls around it, one of them perhaps with a gap."""
+    walls = [
+        [(0.0, 0.0), (1.0, 0.0), (1.0, 0.02), (0.0, 0.02)],
+        [(0.0, 0.98), (1.0, 0.98), (1.0, 1.0), (0.0, 1.0)],
+        [(0.98, 0.0), (1.0, 0.0), (1.0, 1.0), (0.98, 1.0)],
+        [(0.0, 0.0), (0.02, 0.0), (0.02, 0.5 if gap else 1.0), (0.0, 0.5 if gap else 1.0)],
+    ]
+    example = as_type(Outline, EXAMPLES[Outline])
+    solids = [Solid(corners=corners, colour=(1.0, 1.0, 1.0)) for corners in walls]
+    start = Pose(x=0.5, y=0.5, heading=0.0)
+    return example.model_copy(update={"solids": solids, "start": start})
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_the_floor_ends_at_the_walls(gap: bool) -> None:
+    floor = next(iter(parsed(arena.ground(a_room(gap=gap)))))
+    places = [tuple(map(int, each.split(","))) for each in (floor.get("points") or "").split()]
+    # without walls all around, up to the outermost ones
+    low, high = (0, 1000) if gap else (15, 985)
+    assert abs(min(x for x, _ in places) - low) <= 8
+    assert abs(max(x for x, _ in places) - high) <= 8
+
+
+def test_the_view_ends_at_the_walls_and_has_a_scale_below_them() -> None:
+    window = arena.whole(a_room(), ())
+    assert window.left == pytest.approx(-0.02)
+    assert window.bottom < -0.05
+    assert window.width == pytest.approx(1.04)
+    assert text_of(arena.scale(window)) == "20 cm"
+
+
+def test_robots_of_the_same_world_are_drawn_together() -> None:
+    def one(name: str, world: str, x: float) -> RobotState:
+        watched = RobotState(name)
+        watched.emulated = Emulated(
+            alive=True, outline=a_room().model_copy(update={"world": world})
+        )
+        watched.emulated.place(truth(0.5, x))
+        return watched
+
+    first, second, other = one("a", "w", 0.1), one("b", "w", 0.3), one("c", "elsewhere", 0.5)
+    parts = parts_of(first, b=second, c=other)
+    assert {name for name in parts if name.startswith("bodies/")} == {"bodies/a", "bodies/b"}
+    assert "chosen" in as_type(str, parts["bodies/a"])
+    assert "chosen" not in as_type(str, parts["bodies/b"])
+    assert [each.text for each in parsed(parts["roster"]).iter("strong")] == ["a", "b", "c"]
+    assert [parts[f"robot-{k}@aria-pressed"] for k in range(3)] == ["true", "false", "false"]
+    second.take(Presence(EMULATOR, False, 0))
+    assert "bodies/b" not in parts_of(first, b=second, c=other)
 
 
 def test_receptive_fields_are_drawn_with_what_they_see() -> None:
-    svg = eyes.panorama(a_watched())
-    assert len(of_kind(svg, "field")) == 12
-    assert len(of_kind(svg, "feature")) == 36
-    assert "data:image/jpeg;base64," in svg
+    parts = parts_of(a_watched())
+    assert len(of_kind(parts["profiles"], "field")) == 12
+    assert len(of_kind(parts["features"], "feature")) == 36
 
 
-def test_a_picture_that_is_none_is_left_out() -> None:
-    watched = a_watched()
+def test_a_picture_that_is_none_is_not_given_to_a_browser() -> None:
+    watched, board = a_watched(), Board()
+    board.parts(watched, {}, 1.0)
+    good = board.picture
+    assert good.startswith(b"\xff\xd8")
     watched.see(b"no picture", 2.0)
-    parsed(eyes.panorama(watched))
-    assert "data:image" not in eyes.panorama(watched)
+    board.parts(watched, {}, 2.0)
+    assert board.picture is good
+
+
+def test_the_panorama_is_unwrapped_by_the_geometry_that_the_map_tells() -> None:
+    assert eyes.geometry(learned())["outer"] == learned().eye.outer
+    assert eyes.geometry(None)["rows"] == 80
 
 
 def test_columns_have_a_cell_for_every_neuron_and_the_brightest_is_the_present_one() -> None:
+    parts = parts_of(a_watched())
+    assert sum(1 for _ in parsed(parts["columns"]).iter("i")) == 150
+    cells = as_type(dict, parts["cells"])
+    assert len(cells["levels"]) == 150
+    assert (cells["now"], cells["levels"][53], cells["levels"][0]) == (53, "a", "0")
+    assert cells["ahead"] == [(18 * 3 + 2, 1), (4 * 3, 2)]
+    assert text_of(parts["row-names"]) == "left, right, straight"
+
+
+def test_collisions_and_failures_are_marked() -> None:
     watched = a_watched()
-    cells = of_kind(DRAWINGS["columns"](watched), "neuron")
-    assert len(cells) == 150
-    assert cells[53].get("fill") == heat(1.0)
-    assert cells[0].get("fill") == heat(0.0)
-
-
-def test_a_collision_is_a_red_bar() -> None:
-    history = [a_decision(0), a_decision(1, collided=True, reinforcement=0.0)]
-    bars = of_kind(charts.reinforcement(history), "reward")
-    assert [bar.get("fill") for bar in bars] == [GOOD, BAD]
+    watched.take(json_event(CONTROLLER, "decision", a_decision(4, collided=True), 5.0))
+    state = a_state(Phase.RECOVERING, driven=3, reason="the cable")
+    watched.take(json_event(CONTROLLER, "state", state, 5.1))
+    touching = as_type(Truth, truth(6.0, 0.12)).model_copy(update={"contact": True})
+    watched.take(json_event(EMULATOR, "truth", touching, 5.2))
+    kinds = [MarkKind.COLLISION, MarkKind.FAILURE, MarkKind.CONTACT]
+    assert [mark.kind for mark in watched.marks] == kinds
+    parts = parts_of(watched)
+    shown = [each.get("class") for each in of_kind(parts["marks"], "mark")]
+    assert shown == ["mark collision", "mark failure", "mark contact"]
+    bars = of_kind(parts["rewards"], "reward")
+    assert [bar.get("class") for bar in bars] == ["reward", "reward collided"]
+    assert "failure" in as_type(str, parts["rewards"])
 
 
 def test_sensors_are_drawn_as_long_as_they_read() -> None:
     wedges = of_kind(charts.infrared([0, 12, 1023, 4, 5, 6, 7, 8]), "sensor")
     assert len(wedges) == 8
-    assert wedges[2].get("fill") == BAD
+    assert wedges[2].get("class") == "sensor near"
 
 
 def test_text_from_elsewhere_stays_text() -> None:
@@ -154,104 +271,122 @@ def test_text_from_elsewhere_stays_text() -> None:
     watched.controlled.learned = learned().model_copy(
         update={"commands": [learned().commands[0].model_copy(update={"name": evil})]}
     )
-    for draw in DRAWINGS.values():
-        assert "<script" not in draw(watched)
+    watched.controlled.state = a_state(Phase.FAILED, reason=evil, map=evil)
+    for entry in ("request", "reply", "fault"):
+        text = f"{evil}\r\n"
+        told = Wire(first=0, entries=[WireEntry(time=0.0, what=entry, text=text)])
+        watched.emulated.line.take(told, 1.0)
+    watched.robot = evil
+    for part in parts_of(watched).values():
+        assert not isinstance(part, str) or "<script" not in part
 
 
 def test_what_fails_in_the_page_is_counted_and_logged_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    failures, log = Failures(), logging.getLogger("page under test")
-    log.addFilter(OnceEach())
+    failures = Failures()
     assert failures.words() == ""
-    for _ in range(3):
-        try:
-            charts.columns(a_decision(), None).index("\x1b[31m")
-        except ValueError as error:
-            failures.add(error)
-            log.exception("again")
+    with caplog.at_level(logging.ERROR):
+        for _ in range(3):
+            with failures:
+                "".index("\x1b[31m")
     assert failures.words().startswith("the page failed 3 times, please report it: ValueError: ")
     assert len(caplog.records) == 1
-    log.warning("something else")
-    log.warning("something else")
-    assert len(caplog.records) == 3
+    with pytest.raises(KeyboardInterrupt), failures:
+        raise KeyboardInterrupt
 
 
-def test_what_is_done_again_and_again_outlives_failures_and_counts_on_no_wall_clock(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    waiting, done = [], []
-    monkeypatch.setattr(
-        app, "timer", lambda seconds, turn, once: waiting.append((seconds, turn, once))
-    )
-
-    def fail() -> None:
-        done.append(1)
-        raise ZeroDivisionError
-
-    ticks.again_and_again(0.1, fail, lambda: len(done) < 3)
-    while waiting:
-        seconds, turn, once = waiting.pop()
-        assert (seconds, once, waiting) == (0.1, True, [])  # a repeated one reads the wall clock
-        with contextlib.suppress(ZeroDivisionError):
-            turn()
-    assert len(done) == 3
-
-
-def test_the_status_tells_who_is_there() -> None:
+def test_the_badge_tells_who_drives() -> None:
     watched = RobotState("khepera")
-    assert texts.status(watched, 0.0)[0] == "waiting for a robot"
+    assert driver_of(watched, 0.0).words == "waiting for a robot"
     watched.emulated.alive = True
-    assert texts.status(watched, 0.0)[0] == "robot there, nobody drives it"
+    assert driver_of(watched, 0.0)[1:3] == ("calm", "nobody drives")
     watched = a_watched()
-    assert texts.status(watched, 0.0) == ("driving, 3 of 40 commands", "green")
+    assert driver_of(watched, 0.0)[1:3] == ("good", "controller driving, 3 of 40 commands")
     watched.controlled.state = a_state(Phase.FAILED, reason="the cable")
-    assert texts.status(watched, 0.0) == ("failed, 3 of 40 commands: the cable", "red")
+    failed = ("bad", "controller failed, 3 of 40 commands; the cable")
+    assert driver_of(watched, 0.0)[1:3] == failed
+    watched.emulated.place(at_rest())
+    watched.take(Presence(CONTROLLER, False, 0))
+    ended = "nobody drives; last run failed after 3 of 40 commands: the cable"
+    assert driver_of(watched, 60.0).words == ended
+    watched.take(Presence(CONTROLLER, True, 0))
+    watched.controlled.state = a_state(Phase.TRAINING, driven=6700, limit=13400)
+    training = "training, 50 %: 6700 of 13400 commands"
+    assert driver_of(watched, 60.0)[1:3] == ("good", training)
 
 
-def on_the_line(*requests: str) -> Wire:
-    return Wire(first=0, entries=[WireEntry(time=0.0, what="request", text=r) for r in requests])
+def at_rest() -> Truth:
+    return as_type(Truth, truth(0.5, 0.1)).model_copy(update={"speed": (0.0, 0.0)})
+
+
+def on_the_line(first: int, *requests: str) -> Wire:
+    entries = [WireEntry(time=0.0, what="request", text=request) for request in requests]
+    return Wire(first=first, entries=entries)
 
 
 def test_a_program_on_the_line_is_not_nobody() -> None:
     watched = RobotState("khepera", emulated=Emulated(alive=True))
-    watched.emulated.pass_by(on_the_line("N\n", "H\n"), 10.0)
-    assert texts.status(watched, 11.0)[0] == "robot there, a program talks to it"
-    assert texts.status(watched, 20.0)[0] == "robot there, nobody drives it"
-    watched.emulated.pass_by(on_the_line("N\nD,", "5,5\n"), 30.0)
-    driven = "robot there, a program that tells nothing of itself drives it"
-    assert texts.status(watched, 31.0) == (driven, "green")
-    assert texts.status(watched, 60.0)[0] == "robot there, nobody drives it"
+    line = watched.emulated.line
+    line.take(on_the_line(0, "N\n", "H\n"), 10.0)
+    assert driver_of(watched, 11.0).words == "another program talks to the robot"
+    assert driver_of(watched, 20.0).words == "nobody drives"
+    line.take(on_the_line(2, "N\nD,", "5,5\n"), 30.0)
+    assert driver_of(watched, 31.0)[1:3] == ("good", "another program drives")
+    assert driver_of(watched, 60.0).words == "nobody drives"
     # a speed is held without another request
     watched.emulated.place(as_type(Truth, EXAMPLES[Truth]))
-    assert texts.status(watched, 60.0)[0] == driven
+    assert driver_of(watched, 60.0).words == "another program drives"
     watched.emulated.alive = False
-    assert texts.status(watched, 60.0)[0] == "it has gone; waiting for a robot"
+    assert driver_of(watched, 60.0).words == "the robot has gone"
+
+
+def test_the_last_requests_of_a_controller_are_no_other_programs() -> None:
+    watched = a_watched()
+    watched.emulated.place(at_rest())
+    watched.take(Presence(CONTROLLER, False, 100 * SECOND))
+    watched.emulated.line.take(on_the_line(0, "D,0,0\n"), 100.3)
+    assert driver_of(watched, 101.5).words.startswith("nobody drives; last run")
+    watched.emulated.line.take(on_the_line(1, "D,5,5\n"), 101.6)
+    assert driver_of(watched, 102.0).words == "another program drives"
+
+
+def test_a_robot_of_another_program_is_known_from_its_line() -> None:
+    watched = RobotState("khepera", emulated=Emulated(alive=True))
+    entries = [
+        ("request", "N\n"),
+        ("reply", "n,0,12,1023,4,5,6,7,8\r\n"),
+        ("request", "L,0,1\n"),
+        ("reply", "l\r\n"),
+    ]
+    told = [WireEntry(time=0.0, what=what, text=text) for what, text in entries]
+    watched.emulated.line.take(Wire(first=0, entries=told), 10.0)
+    parts = parts_of(watched, 10.5)
+    assert len(of_kind(parts["infrared"], "sensor")) == 8
+    assert "lateral on, frontal ?" in text_of(parts["robot-rows"])
+    assert parts["decision-card@data-empty"] == "no controller"
+    assert parts["robot-card@data-empty"] is None
 
 
 def test_nothing_of_a_robot_that_has_gone_looks_alive() -> None:
     watched = a_watched()
     for k in range(20):
         watched.see(a_picture(), 1.0 + 0.1 * k)
-    assert not texts.gone(watched)
-    alive = dict(texts.health(watched, 3.0))
-    assert alive["pictures"].startswith("10.0/s")
-    assert alive["wheels"] == "left 160 mm/s, right 158 mm/s"
+    alive = {row.name: row for row in texts.health(watched, 3.0)}
+    assert alive["pictures"].value == "10.0/s"
+    assert not alive["pictures"].gone
+    assert "160 and 158 mm/s" in text_of(parts_of(watched, 3.0)["robot-rows"])
+    assert parts_of(watched, 3.0)["camera-card@data-stale"] is None
+    assert parts_of(watched, 30.0)["camera-card@data-stale"] == ""  # no new picture
     watched.take(Presence(CONTROLLER, False, 0))
-    assert texts.gone(watched) == {"decision", "ring", "columns", "rewards"}
     watched.take(Presence(EMULATOR, False, 0))
-    assert {"arena", "eyes", "line"} < texts.gone(watched)
-    dead = dict(texts.health(watched, 60.0))
-    assert dead["pictures"] == "0.0/s, last one 57.1 s ago"
-    assert "wheels" not in dead
-    assert "robot was at" in dead
-
-
-def test_replies_that_came_in_pieces_are_one_line() -> None:
-    watched = RobotState("khepera")
-    for what, text in (("request", "B\n"), ("reply", "b,5."), ("reply", "01\r\n"), ("close", "")):
-        watched.emulated.wire.append(WireEntry(time=0.0, what=what, text=text))
-    assert texts.wire(watched) == "> B\n< b,5.01\nclose "
+    parts = parts_of(watched, 3.0)
+    assert parts["camera-card@data-stale"] == ""
+    assert parts["robot-card@data-gone"] == ""
+    dead = {row.name: row for row in texts.health(watched, 60.0)}
+    assert dead["pictures"] == ("pictures", "0.0/s, last one 57 s ago", True)
+    assert "0 and 0 mm/s" in text_of(parts["robot-rows"])
+    assert "was at" in text_of(parts["robot-rows"])
 
 
 class Clock:
@@ -330,7 +465,7 @@ def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near(
             direct.take(event)
     assert player.watched.controlled.decision == direct.controlled.decision
     assert list(player.watched.controlled.history) == list(direct.controlled.history)
-    assert player.watched.emulated.path == direct.emulated.path
+    assert list(player.watched.emulated.way) == list(direct.emulated.way)
 
 
 @pytest.mark.parametrize("nowhere", [float("nan"), float("inf"), -float("inf")])
@@ -342,19 +477,113 @@ def test_seeking_to_no_moment_stays_in_the_recording(nowhere: float) -> None:
     player.poll()
 
 
-def test_a_robot_that_is_put_elsewhere_begins_a_new_path() -> None:
+def test_a_recording_is_marked_where_something_went_wrong() -> None:
+    life = a_life(3)
+    at = next(k for k, event in enumerate(life) if getattr(event, "leaf", "") == "decision")
+    life[at] = json_event(CONTROLLER, "decision", a_decision(0, collided=True), 1.8)
+    failed = a_state(Phase.FAILED, reason="the cable")
+    life.insert(at + 1, json_event(CONTROLLER, "state", failed, 1.9))
+    player = RecordingSource("khepera", life, Clock())
+    assert player.moments == {
+        "moments": [[1.8, "collision", "collision"], [1.9, "failure", "failure"]]
+    }
+
+
+class Browser:
+    """A WebSocket that keeps what it is sent, and goes after so many messages."""
+
+    def __init__(self, *wishes: str) -> None:
+        self.got: list[Any] = []
+        self._wishes = list(wishes)
+
+    async def send_text(self, text: str) -> None:
+        self.got.append(json.loads(text))
+
+    async def send_bytes(self, data: bytes) -> None:
+        self.got.append(data)
+
+    async def receive_text(self) -> str:
+        await asyncio.sleep(0)
+        if self._wishes:
+            return self._wishes.pop(0)
+        raise WebSocketDisconnect(1000)
+
+
+def talk(browser: Browser, view: Any, steer: Any = None) -> list[Any]:
+    asyncio.run(Connection(as_type_any(browser), view, Failures(), steer).serve())
+    return browser.got
+
+
+def as_type_any(browser: Browser) -> Any:
+    return browser
+
+
+def wish(**what: Any) -> str:
+    return json.dumps(what)
+
+
+def test_a_browser_plays_its_recording() -> None:
+    view = RecordingView(RecordingSource("khepera", a_life(3), Clock()))
+    said = talk(
+        Browser(wish(do="seek", value=2.9), wish(do="toggle"), wish(do="speed", value=4.0)), view
+    )
+    assert (view.player.position, view.player.playing, view.player.speed) == (2.9, False, 4.0)
+    assert not any("said" in each for each in said if isinstance(each, dict))
+
+
+class Still:
+    """A view of nothing in particular."""
+
+    robot = "khepera"
+
+    def show(self) -> Shown:
+        return Shown({}, b"")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "no JSON", "[]", wish(do="format"), wish(do="seek", value=None)]
+)
+def test_what_is_no_wish_is_refused(text: str) -> None:
+    (answer,) = (each for each in talk(Browser(text), Still()) if "said" in each)
+    assert answer["bad"]
+
+
+def test_a_page_that_only_watches_steers_nothing() -> None:
+    (answer,) = (each for each in talk(Browser(wish(do="stop")), Still()) if "said" in each)
+    assert answer["said"].startswith("this dashboard only watches")
+
+
+def test_a_page_that_may_steer_tells_what_came_of_it() -> None:
+    asked: list[tuple[str, Wish]] = []
+
+    def steer(robot: str, what: Wish) -> str:
+        asked.append((robot, what))
+        if what.do == "stop":
+            raise TelemetryError("nobody answers")
+        return "done"
+
+    browser = Browser(wish(do="place", x=0.1, y=0.2, heading=1.5), wish(do="stop"))
+    said = [each for each in talk(browser, Still(), steer) if "said" in each]
+    assert said == [{"said": "done"}, {"said": "nobody answers", "bad": True}]
+    assert asked[0][0] == "khepera"
+    assert (asked[0][1].x, asked[0][1].heading) == (0.1, 1.5)
+
+
+def test_a_robot_that_is_put_elsewhere_begins_a_new_way() -> None:
     emulated = Emulated()
     for x in (0.1, 0.11, 0.1105, 0.12, 0.5):
         emulated.place(truth(0.0, x))
-    assert [pose.x for pose in emulated.path] == [0.5]
+    assert [pose.x for pose in emulated.way] == [0.5]
     emulated = Emulated()
     for x in (0.1, 0.11, 0.1105, 0.12):
         emulated.place(truth(0.0, x))
-    assert [pose.x for pose in emulated.path] == [0.1, 0.11, 0.12]
+    assert [pose.x for pose in emulated.way] == [0.1, 0.11, 0.12]
 
 
 def test_the_way_that_is_kept_has_an_end() -> None:
-    emulated = Emulated()
-    for k in range(6000):
-        emulated.place(truth(0.0, 0.01 * (k % 4)))
-    assert len(emulated.path) == 5000
+    way = Way()
+    for k in range(10_000):
+        way.add(Pose(x=0.01 * (k % 4), y=0.0, heading=0.0))
+    assert len(way.pieces) == 80
+    assert len(list(way)) == 79 * (PIECE - 1) + len(way.pieces[-1])
+    assert way.first > 70

@@ -10,12 +10,15 @@ from typing import Any
 
 import pytest
 from emulator_process import PATIENCE, emulator, free_endpoint
+from khepera_protocol.options import checked, values_in
 from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
 from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE, EMULATOR_ALIVE
 from ruamel.yaml import YAML
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from khepera_emulator.app.cli.commands import app as emulator_app
+from khepera_emulator.arenas.arena import load_arena
 from macor_hil.cli.program import app as controller_app
 
 ROOT = Path(__file__).parent.parent
@@ -25,11 +28,13 @@ COMPOSE = YAML(typ="safe").load(COMPOSE_TEXT)
 SERVICES = COMPOSE["services"]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 HEALTH = ROOT / "docker" / "health.py"
+SLIM, ADDED = (ROOT / "docker" / name for name in ("slim.sh", "added.sh"))
 APPS = {"khepera-emulator": emulator_app, "macor-hil": controller_app}
 
 STAGES = dict(
     re.findall(r"^FROM \S+ AS (\S+)\n(.*?)(?=^FROM|\Z)", DOCKERFILE, re.DOTALL | re.MULTILINE)
 )
+PROFILES = ("emulator", "whole", "class", "score")
 IMAGES = ("emulator", "controller", "monitors")
 
 
@@ -64,7 +69,38 @@ def test_what_is_copied_is_there_and_sent_to_the_engine() -> None:
 def test_images_install_extras_that_exist() -> None:
     extras = ",".join(re.findall(r"'\.\[([\w,]+)\]'", DOCKERFILE)).split(",")
     assert set(extras) <= set(PROJECT["optional-dependencies"])
-    assert "'.[" not in STAGES["build-controller"]
+    assert re.findall(r"'\.\[(.*?)\]'", STAGES["build-controller"]) == ["metrics"]
+
+
+@pytest.mark.parametrize("image", IMAGES)
+def test_all_images_begin_with_the_layers_of_the_controller(image: str) -> None:
+    (parent,) = re.findall(rf"^FROM (\S+) AS {image}$", DOCKERFILE, re.MULTILINE)
+    assert parent == ("base" if image == "controller" else "controller")
+
+
+def test_what_nobody_imports_is_taken_out_of_an_installation(tmp_path: Path) -> None:
+    packages = tmp_path / "lib" / "python3.11" / "site-packages"
+    kept = ("numpy/linalg/linalg.py", "mine/tests/data.py", "numpy.libs/a.so", "numpy/b.so")
+    gone = ("numpy/linalg/tests/a.py", "numpy/_core/include/a.h", "mine/a.pyi", "pybullet_data/a")
+    for name in (*kept, *gone):
+        (packages / name).parent.mkdir(parents=True, exist_ok=True)
+        (packages / name).touch()
+    subprocess.run([SLIM, tmp_path], check=True, timeout=PATIENCE)
+    left = {str(path.relative_to(packages)) for path in packages.rglob("*") if path.is_file()}
+    assert left == set(kept)
+
+
+def test_a_layer_holds_what_an_installation_has_added(tmp_path: Path) -> None:
+    packages = tmp_path / "opt" / "lib" / "site-packages"
+    (packages / "numpy").mkdir(parents=True)
+    (packages / "there.py").touch()
+    more, target = packages / "more.py", tmp_path / "added"
+    command = [str(ADDED), str(tmp_path / "opt"), str(target), "touch", str(more)]
+    command.append(str(packages / "stub.pyi"))
+    subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
+    assert [path for path in target.rglob("*") if path.is_file()] == [
+        target / more.relative_to("/")
+    ]
 
 
 @pytest.mark.parametrize("image", IMAGES)
@@ -128,6 +164,60 @@ def test_a_service_runs_a_command_that_there_is(name: str) -> None:
         (program,) = words(instruction(image, "ENTRYPOINT"))
         arguments = [defaults(word) for word in service["command"]]
     assert is_command(program, arguments)
+
+
+@pytest.mark.parametrize("name", list(SERVICES))
+def test_variables_of_a_service_are_options_with_values_that_fit(name: str) -> None:
+    given = {k: defaults(v) for k, v in SERVICES[name].get("environment", {}).items()}
+    values: dict[str, dict[str, str]] = {program: {} for program in APPS}
+    for variable, value in given.items():
+        program = next(p for p in APPS if variable.startswith(prefix(p)))
+        values[program][variable.removeprefix(prefix(program)).replace("_", "-").lower()] = value
+    for program, options in values.items():
+        command: Any = get_command(APPS[program])
+        run = command.commands["run"]
+        fields = values_in(options, run)
+        for model in run.callback.models:
+            checked(model, fields, str)
+        assert fields == {}
+
+
+def prefix(program: str) -> str:
+    return f"{program.replace('-', '_').upper()}_RUN_"
+
+
+def profiles(name: str) -> list[str]:
+    found: list[str] = SERVICES[name]["profiles"]
+    return found
+
+
+def test_profiles_hold_what_they_are_for() -> None:
+    of = {profile: {name for name in SERVICES if profile in profiles(name)} for profile in PROFILES}
+    assert of["emulator"] == {"emulator"}
+    assert of["whole"] == {"emulator", "train", "controller", "dashboard", "ros2"}
+    assert of["class"] == {"class", "dashboard"}
+    assert (ROOT / "docker" / ".env").read_text("utf-8") == "COMPOSE_PROFILES=whole\n"
+
+
+def test_services_of_a_profile_need_no_service_of_another() -> None:
+    for name, service in SERVICES.items():
+        for other in service.get("depends_on", ()):
+            assert set(profiles(name)) <= set(profiles(other))
+
+
+def test_the_compose_file_keeps_to_its_specification() -> None:
+    checker = ROOT / ".venv-release" / "bin" / "check-jsonschema"
+    if not checker.exists():
+        pytest.skip("check-jsonschema is not installed; `make docs` installs it")
+    compose = str(ROOT / "docker" / "compose.yaml")
+    command = [str(checker), "--builtin-schema", "vendor.compose-spec", compose]
+    subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
+
+
+def test_the_arena_of_a_class_has_room_for_it() -> None:
+    served = SERVICES["class"]["environment"]
+    arena = load_arena(str(ROOT / "examples" / "classroom" / "arena.toml"))
+    assert 1 + len(arena.starts) == int(defaults(served["KHEPERA_EMULATOR_RUN_ROBOTS"]))
 
 
 def test_the_controller_drives_the_line_that_the_emulator_serves() -> None:

@@ -24,6 +24,8 @@ from macor_hil.cli.program import app as controller
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
 WITH_LINKS = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md"))]
+COMMANDS = (DOCS / "commands.md").read_text("utf-8")
+EXAMPLE = re.compile(r" (khepera-emulator|macor-hil) [a-z]")
 APPS = {"macor-hil": controller, "khepera-emulator": emulator}
 RUNNER = Path(__file__).with_name("docs_runner.py")
 PACKAGES = ("khepera_protocol", "khepera_emulator", "macor_hil")
@@ -33,6 +35,7 @@ PATH = rf"(?<![\w./-])(?:(?:[\w-]+/)*[\w-]+\.py\b|(?:{'|'.join(FOLDERS)})/[\w./-
 FENCED = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
 REFERENCE = (
     "khepera_protocol.serial",
+    "khepera_protocol.epuck",
     *(f"macor_hil.mind.{folder}" for folder in ("clusterers", "eyes", "foresight")),
     *(f"macor_hil.mind.{folder}" for folder in ("memories", "planners")),
     "macor_hil.hardware.cameras",
@@ -62,8 +65,11 @@ def has_own_network() -> bool:
 RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in commands(page))]
 
 
-LONG = ("own-planner.md", "tutorial.md", "arenas.md", "testing.md", "watching.md", "faults.md")
-"""Pages whose commands train or measure for long."""
+LONG = (
+    *("own-planner.md", "tutorial.md", "arenas.md", "testing.md", "watching.md", "faults.md"),
+    "epuck.md",
+)
+"""Pages whose commands train or measure for long, or switch robots on one after the other."""
 
 TRIED = [
     pytest.param(page, marks=[pytest.mark.long] if page.name in LONG else []) for page in RUNNABLE
@@ -76,11 +82,9 @@ def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     if not has_own_network():
         pytest.skip("the pages' well-known ports need a network namespace (unshare, ip)")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    # NiceGUI serves its own tests when it finds itself in pytest
-    outside = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST")}
     done = subprocess.run(
         [*NETWORK, sys.executable, RUNNER, page, tmp_path],
-        env={**outside, "PATH": path},
+        env={**os.environ, "PATH": path},
         capture_output=True,
         text=True,
         timeout=8 * PATIENCE,
@@ -231,19 +235,32 @@ def test_the_pages_of_the_site_build_without_warnings(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_man_pages_show_every_option_that_the_help_shows(tmp_path: Path) -> None:
+def test_man_pages_show_what_the_help_shows(tmp_path: Path) -> None:
     command = [sys.executable, str(DOCS / "man.py"), str(tmp_path)]
     subprocess.run(command, check=True, timeout=2 * PATIENCE, capture_output=True)
     pages = {
         page.stem: page.read_text("utf-8").replace("\\-", "-") for page in tmp_path.glob("*.1")
     }
-    for part in (DOCS / "commands.md").read_text("utf-8").split("\n### ")[1:]:
+    for part in COMMANDS.split("\n### ")[1:]:
         name, _, text = part.partition("\n")
         options = re.findall(r"^│ \*? *(--[a-z0-9-]+)", text.partition("\n## ")[0], re.MULTILINE)
         assert options
         page = pages.pop(name.replace(" ", "-"))
         assert set(options) - {"--help"} <= set(re.findall(r"--[a-z0-9-]+", page))
+        # values, defaults and examples, each of these on a line of its own
+        assert {f".B {line[1:]}" for line in text.splitlines() if EXAMPLE.match(line)} <= set(
+            page.splitlines()
+        )
+        assert set(re.findall(r"\[default: [^]│]+\]", text)) <= set(
+            re.findall(r"\[default: [^]]+\]", page.replace("; ", "] ["))
+        )
     assert set(pages) == set(APPS)
+    for program, page in pages.items():
+        commands = re.findall(rf"^### {program} (.+)$", COMMANDS, re.MULTILINE)
+        assert [f".B {each}" for each in commands] == re.findall(
+            r"^[.]B [a-z].*$", page.partition(".SH OPTIONS")[0], re.MULTILINE
+        )
+    assert ".SH EXIT STATUS" in pages["macor-hil"].splitlines()
 
 
 def generated() -> dict[str, Callable[[], str]]:

@@ -19,7 +19,7 @@ from khepera_emulator.body.drift import (
 )
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.khepera.robot import Robot
 from khepera_emulator.world.world import World
 
 ORIGIN = Pose(x=0.0, y=0.0, heading=0.0)

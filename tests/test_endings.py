@@ -436,7 +436,7 @@ def test_a_camera_of_a_wrong_size_fails_at_once_with_the_same_hint(
     for number in range(3):
         cv2.imwrite(str(tmp_path / "small" / f"{number}.png"), np.full((80, 80, 3), 99, np.uint8))
     camera = ("--camera", "images:small", "--port", "khepera://open-box?seed=1")
-    for_ever = ("--recovery", "100000", "--listen", free_endpoint())
+    for_ever = ("--recovery", "inf", "--wait", "inf", "--listen", free_endpoint())
     run = macor_hil("run", "--map", str(map_file), *camera, *for_ever, folder=tmp_path)
     look = macor_hil("look", "--picture", "a.png", *camera, folder=tmp_path)
     train = macor_hil("train", "--map", "a", "--recovery", "back", *camera, folder=tmp_path)
@@ -450,11 +450,30 @@ def test_a_robots_wrong_name_fails_at_once(map_file: Path, tmp_path: Path) -> No
     with emulator("--listen", (endpoint := free_endpoint()), "--baud", "unpaced") as robot:
         done = macor_hil(
             *("run", "--port", robot.path, "--map", str(map_file), "--robot", "other"),
-            *("--recovery", "100000", "--listen", free_endpoint(), "--connect", endpoint),
+            *("--recovery", "inf", "--wait", "inf", "--listen", free_endpoint()),
+            *("--connect", endpoint),
             folder=tmp_path,
         )
     assert done.returncode == Status.FAILED
     assert "no camera answers on the Zenoh key khepera/other/camera" in done.stderr
+    assert "there are the robots khepera" in done.stderr
+
+
+def test_a_robot_that_is_not_there_has_a_status_of_its_own(map_file: Path, tmp_path: Path) -> None:
+    run = ("run", "--map", str(map_file), "--port", str(tmp_path / "none"))
+    done = macor_hil(*run, "--listen", free_endpoint(), folder=tmp_path)
+    assert done.returncode == Status.LOST
+    (said,) = done.stderr.splitlines()
+    assert said.startswith("macor-hil: cannot open the serial port")
+
+
+def test_a_robot_that_is_waited_for_and_does_not_come_is_lost(
+    map_file: Path, tmp_path: Path
+) -> None:
+    run = ("run", "--map", str(map_file), "--port", str(tmp_path / "none"), "--wait", "0.1")
+    done = macor_hil(*run, "--listen", free_endpoint(), folder=tmp_path)
+    assert done.returncode == Status.LOST
+    assert "WARNING macor_hil.runs.run_reporter: waiting: cannot open" in done.stderr
 
 
 def test_the_statuses_are_documented() -> None:

@@ -5,10 +5,11 @@ from math import inf
 import pytest
 
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.line.dialect import KHEPERA
 from khepera_emulator.line.fault import FAULTS, Direction, Fault
 from khepera_emulator.line.fault_text import parse_fault, parse_script
 from khepera_emulator.line.faults import Faults
-from khepera_emulator.line.uart import INTERPRETER_TIME, Uart
+from khepera_emulator.line.uart import Uart
 
 EACH = 2.0**-10
 TEXT = b"N,1,2,3\r\n"
@@ -198,7 +199,7 @@ class TestReset:
     def test_ends_a_reply_in_the_middle(self) -> None:
         uart, _ = line("reset:at=1")
         # the request ends so that three bytes of the reply are out at one second
-        uart.receive(b"HHHHHHH\n", 1.0 - 11.5 * BYTE - INTERPRETER_TIME)
+        uart.receive(b"HHHHHHH\n", 1.0 - 11.5 * BYTE - KHEPERA.busy)
         requests = answer(uart, 2.0)
         assert [each for _, each in requests] == [b"HHHHHHH", b"restart"]
         assert uart.sent(2.0) == b"hhhrestart\r\n"

@@ -12,9 +12,9 @@ from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 
 from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.body.motors import Gains, Mode, Profile
-from khepera_emulator.models import KHEPERA, KHEPERA2, Model
-from khepera_emulator.robot.firmware import Firmware
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.models import KHEPERA, KHEPERA2, KheperaModel
+from khepera_emulator.robot.khepera.firmware import Firmware
+from khepera_emulator.robot.khepera.robot import Robot
 from khepera_emulator.world.world import World
 
 NO_DRIFT = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
@@ -32,7 +32,7 @@ def world() -> Iterator[World]:
     made.close()
 
 
-def make(world: World, model: Model = KHEPERA) -> Robot:
+def make(world: World, model: KheperaModel = KHEPERA) -> Robot:
     pose = Pose(x=0.3, y=0.0, heading=0.0)
     return Robot(world, model, pose, NO_DRIFT, np.random.default_rng(0))
 

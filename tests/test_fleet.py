@@ -13,7 +13,6 @@ from khepera_emulator.arenas.arena import load_arena
 from khepera_emulator.body.drift import PRESETS
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.robot.emulator import Emulator, Setup, make_fleet
-from khepera_emulator.senses import camera
 
 SQUARE = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]
 DIAMETER = 0.055
@@ -262,11 +261,7 @@ class TestSight:
         after(first, 1.5)
         assert max(map(int, ask(first, b"N").split(b",")[1:])) < 50
 
-    def test_a_camera_sees_the_others_and_not_its_own_robot(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        # by the same renderer with the other one and without: walls are equal to the pixel
-        monkeypatch.setattr(camera, "suits", lambda *_: False)
+    def test_a_camera_sees_the_others_and_not_its_own_robot(self) -> None:
         pictures = []
         for size in (1, 2):
             robots = make_fleet(setup({"x": 0.15, "y": 0.0}), size)

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pybullet
 import pytest
+from as_type import not_none
 
 from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.world.floor_plan import FloorPlan
-from khepera_emulator.world.world import SOLID_GROUP, World
+from khepera_emulator.world.things import SOLID_GROUP
+from khepera_emulator.world.world import World
 
 HEIGHT = 0.02
 
@@ -39,7 +41,8 @@ def world() -> Iterator[World]:
                 {"centre": [0.2, 0.1], "radius": 0.05, "colour": [0.5, 0.5, 0.5]},
                 {"centre": [0.1, -0.3], "radius": 0.01},
             ],
-        )
+        ),
+        rigid=True,
     )
     yield made
     made.close()
@@ -55,7 +58,7 @@ def test_rays_equal_those_of_pybullet(world: World) -> None:
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     start = np.column_stack([places, np.full(len(places), HEIGHT)])
     end = np.column_stack([places + 2.0 * rays, np.full(len(places), HEIGHT)])
-    expected = 2.0 * world.cast(start, end)
+    expected = 2.0 * not_none(world.dynamics).cast(start, end)
     distances, _ = world.plan.cast(places, rays)
     measured = np.minimum(distances, 2.0)
     assert len(places) > 3000
@@ -65,13 +68,14 @@ def test_rays_equal_those_of_pybullet(world: World) -> None:
 
 
 def test_clearance_equals_the_distance_in_pybullet(world: World) -> None:
-    probe_radius = 0.001
+    dynamics = not_none(world.dynamics)
+    client, probe_radius = dynamics.client, 0.001
     shape = pybullet.createCollisionShape(
-        pybullet.GEOM_SPHERE, radius=probe_radius, physicsClientId=world.client
+        pybullet.GEOM_SPHERE, radius=probe_radius, physicsClientId=client
     )
-    probe = pybullet.createMultiBody(0, shape, physicsClientId=world.client)
+    probe = pybullet.createMultiBody(0, shape, physicsClientId=client)
     pybullet.setCollisionFilterGroupMask(
-        probe, -1, SOLID_GROUP, SOLID_GROUP, physicsClientId=world.client
+        probe, -1, SOLID_GROUP, SOLID_GROUP, physicsClientId=client
     )
     compared = 0
     for x, y in np.random.default_rng(1).uniform(-0.45, 0.45, (300, 2)):
@@ -79,17 +83,17 @@ def test_clearance_equals_the_distance_in_pybullet(world: World) -> None:
         if gap < 0.005:
             continue
         pybullet.resetBasePositionAndOrientation(
-            probe, [x, y, HEIGHT], [0, 0, 0, 1], physicsClientId=world.client
+            probe, [x, y, HEIGHT], [0, 0, 0, 1], physicsClientId=client
         )
         near = [
             point
-            for solid in world.solids
-            for point in pybullet.getClosestPoints(probe, solid, 2.0, physicsClientId=world.client)
+            for solid in dynamics.solids
+            for point in pybullet.getClosestPoints(probe, solid, 2.0, physicsClientId=client)
         ]
         # PyBullet rounds a post's mantle by its collision margin
         assert min(point[8] for point in near) + probe_radius == pytest.approx(gap, abs=1e-3)
         compared += 1
-    pybullet.removeBody(probe, physicsClientId=world.client)
+    pybullet.removeBody(probe, physicsClientId=client)
     assert compared > 200
 
 

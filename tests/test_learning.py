@@ -31,7 +31,7 @@ from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.planners.planner import NO_PLAN
 from macor_hil.runs.agent import Agent, Step
 from macor_hil.runs.decision_samples import decision_of
-from macor_hil.runs.recorded_drives import learn
+from macor_hil.runs.learning.recorded_drives import learn
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.recordings.recording import Recorder
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import serial
 from emulator_process import emulator, free_endpoint
+from khepera_protocol.zenoh.controller_payloads import Phase, State
 from test_map_file import change_meta
 
 from macor_hil.cli import program
@@ -38,9 +39,9 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "a.npz"
 
 
-def refusal(done: subprocess.CompletedProcess[str]) -> str:
+def refusal(done: subprocess.CompletedProcess[str], status: Status = Status.FAILED) -> str:
     """The one sentence on the standard error output of a failed command."""
-    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.returncode == status, done.stdout + done.stderr
     lines = [line for line in done.stderr.splitlines() if line.startswith("macor-hil: ")]
     assert len(lines) == 1, done.stderr
     assert "Traceback" not in done.stderr
@@ -61,7 +62,7 @@ def refusal(done: subprocess.CompletedProcess[str]) -> str:
         (("run", "--map", "{map}", "--camera", "video:none.mp4"), "cannot open the video source"),
         (("run", "--map", "{map}", "--listen", "here"), "an endpoint looks like"),
         (("train", "--map", "{map}"), "train it anew with --restart"),
-        (("train", "--map", "b.npz", "--port", "x", "--listen", "y"), "needs a khepera:// port"),
+        (("train", "--map", "b.npz", "--listen", "y"), "an endpoint looks like"),
         (("train", "--map", "b.npz", "--port", "khepera://moon"), "unknown arena 'moon'"),
         (("trials", "--map", "none.npz"), "there is no map none.npz"),
         (("look", "--camera", "port", "--port", "loop://"), "received b'B': another reply"),
@@ -84,7 +85,8 @@ def test_errors_are_one_sentence(
         given += ["--listen", free_endpoint(), "--connect", free_endpoint()]
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["macor-hil", *given])
-    assert program.run() == 2
+    lost = says.startswith(("cannot open the serial port nowhere", "cannot open the video", "rec"))
+    assert program.run() == (Status.LOST if lost else Status.FAILED)
     said = capsys.readouterr().err.splitlines()[-1]
     assert said.startswith("macor-hil: ")
     assert says in said
@@ -129,13 +131,14 @@ def test_a_camera_that_is_not_there_is_told(trained: Path, tmp_path: Path) -> No
             *("--listen", free_endpoint(), "--connect", free_endpoint()),
             folder=tmp_path,
         )
-    assert "no camera answers on the Zenoh key khepera/khepera/camera" in refusal(done)
+    said = refusal(done, Status.LOST)
+    assert "no camera answers on the Zenoh key khepera/khepera/camera" in said
 
 
 def test_a_port_in_use_is_told(tmp_path: Path) -> None:
     with emulator("--no-zenoh") as running, serial.Serial(running.path, exclusive=True):
         done = macor_hil("train", "--map", "c.npz", "--port", running.path, folder=tmp_path)
-    assert "cannot open the serial port" in refusal(done)
+    assert "cannot open the serial port" in refusal(done, Status.LOST)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -149,13 +152,19 @@ def test_a_training_can_be_watched(tmp_path: Path) -> None:
         subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as training,
     ):
         # a whole training: time enough for a watcher to find it
-        while training.poll() is None and not {"arena", "truth"} <= seen:
+        told = None
+        while training.poll() is None and not (told and told.driven and {"arena", "truth"} <= seen):
             event = feed.get(0.1)
             if isinstance(event, Arrival):
                 seen.add(event.leaf)
+                if event.leaf == "state":
+                    told = State.parse(event.data)
         training.kill()
     # what would draw on the robot's chance is not offered
-    assert seen == {"arena", "truth"}
+    assert seen == {"arena", "truth", "state"}
+    assert told is not None
+    assert (told.phase, told.limit) == (Phase.TRAINING, 13_400)
+    assert 0 < told.driven < told.limit
 
 
 def test_a_watched_training_learns_the_same(trained: Path) -> None:

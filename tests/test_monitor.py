@@ -23,7 +23,7 @@ from khepera_protocol.zenoh.controller_payloads import (
     Phase,
 )
 from khepera_protocol.zenoh.keys import CONTROLLER
-from khepera_protocol.zenoh.payloads import Truth
+from khepera_protocol.zenoh.payloads import Truth, Wire
 from rich.console import Console
 
 from macor_hil.errors import TelemetryError
@@ -58,22 +58,22 @@ def line_with(text: str, word: str) -> str:
 
 
 def test_without_a_controller_it_waits() -> None:
-    assert "waiting for a controller..." in text_of(RobotState("khepera"))
+    assert "waiting for a robot" in text_of(RobotState("khepera"))
 
 
 def test_a_controller_that_has_gone_leaves_its_last_words() -> None:
     watched = a_watched()
     watched.controlled.alive = False
     text = text_of(watched)
-    assert "waiting for a controller...  the last one vanished driving" in text
+    assert "the robot has gone; last run vanished after 3 of 40 com" in text
     assert "situation" in text
     watched.controlled.state = a_state(Phase.STOPPED, reason="collision")
-    assert "waiting for a controller...  the last one stopped: collision" in text_of(watched)
+    assert "the robot has gone; last run stopped after 3 of 40 comm" in text_of(watched)
 
 
 def test_a_decision_is_shown_with_all_that_belongs_to_it() -> None:
     text = text_of(a_watched())
-    assert "driving  3 of 40 commands" in text
+    assert "controller driving, 3 of 40 commands" in text
     assert "khepera://corridor" in text
     assert "anticipative" in text
     assert "17 (neuron 53), match 0.961, resonates" in text
@@ -88,23 +88,24 @@ def test_a_decision_is_shown_with_all_that_belongs_to_it() -> None:
 def test_alternatives_have_bars_in_proportion_and_the_driven_one_is_marked() -> None:
     text = text_of(a_watched())
     lengths = {name: line_with(text, f"│ {name} ").count("█") for name in ("left", "straight")}
-    assert lengths == {"left": 16, "straight": 32}
-    assert "4.250  ◀ driven" in line_with(text, "│ straight ")
+    assert lengths == {"left": 12, "straight": 24}
+    assert "4.250 ◀ driven" in line_with(text, "│ straight ")
     assert "never tried here" in line_with(text, "│ right ")
     assert text.count("◀") == 1
 
 
 def test_a_situation_without_resonance_is_called_unknown() -> None:
     seen = a_decision().situation.model_copy(update={"resonant": False})
-    assert "unknown, the nearest one" in text_of(a_watched(situation=seen))
+    assert "no match, nearest used" in text_of(a_watched(situation=seen))
 
 
 def test_a_program_that_is_no_controller_of_ours_is_told_of() -> None:
     watched = RobotState(
         "khepera", emulated=Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
     )
-    told = line_with(text_of(watched), "controller")
-    assert "none; a program that tells nothing of itself drives it" in told
+    assert "another program drives" in line_with(text_of(watched), "driver")
+    watched.emulated.line.take(as_type(Wire, EXAMPLES[Wire]), 100.0)
+    assert "counters 262 263" in line_with(text_of(watched), "wheels")
 
 
 def test_a_collision_is_shown() -> None:
@@ -114,7 +115,7 @@ def test_a_collision_is_shown() -> None:
 def test_the_reason_of_a_failure_is_shown() -> None:
     watched = a_watched()
     watched.controlled.state = a_state(Phase.FAILED, reason="the serial port failed")
-    assert "failed  3 of 40 commands  the serial port failed" in text_of(watched)
+    assert "controller failed, 3 of 40 commands; the serial" in text_of(watched)
 
 
 def test_link_and_speeds_are_shown_while_they_are_known() -> None:
@@ -127,7 +128,7 @@ def test_link_and_speeds_are_shown_while_they_are_known() -> None:
     assert "speeds 160 and 158 mm/s" in line_with(text, "wheels")
 
 
-@pytest.mark.parametrize("width", [80, 120])
+@pytest.mark.parametrize("width", [60, 80, 120])
 def test_the_fullest_picture_fits_the_terminal(width: int) -> None:
     watched = a_watched(
         collided=True,
@@ -202,7 +203,7 @@ def test_once_shows_a_controller_that_is_there() -> None:
         console = Console(file=file, width=80)
         with open_session([], [endpoint]) as session:
             assert watch(session, "khepera", once=True, console=console)
-    assert "driving  3 of 40" in file.getvalue()
+    assert "driving, 3 of 40" in file.getvalue()
     assert "17 (neuron 53)" in file.getvalue()
 
 
@@ -211,7 +212,7 @@ def test_a_watcher_without_a_controller_ends_after_its_duration() -> None:
     console = Console(file=file, width=80)
     with open_session([], [free_endpoint()]) as session:
         assert not watch(session, "khepera", duration=0.1, console=console)
-    assert "waiting for a controller..." in file.getvalue()
+    assert "waiting for a robot" in file.getvalue()
 
 
 def test_a_bad_name_is_refused() -> None:

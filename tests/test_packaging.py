@@ -10,12 +10,17 @@ import tarfile
 import tomllib
 import zipfile
 from collections.abc import Iterator
+from email import message_from_bytes
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+import pythons
 from as_type import not_none
 from emulator_process import PATIENCE
 from packaging.requirements import Requirement
+
+from khepera_emulator.world.bullet import WHEELS
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -24,6 +29,7 @@ PACKAGES = ("protocol", "khepera_emulator", "macor_hil")
 NEEDS = {
     "artlib": "peers",
     "distributed": "cluster",
+    "foxglove": "foxglove",
     "foxglove_schemas_protobuf": "recording",
     "gymnasium": "gymnasium",
     "joblib": "experiments",
@@ -31,7 +37,9 @@ NEEDS = {
     "matplotlib": "pictures",
     "mcap": "recording",
     "mcap_protobuf": "recording",
-    "nicegui": "dashboard",
+    "starlette": "dashboard",
+    "uvicorn": "dashboard",
+    "websockets": "dashboard",
     "pandas": "analysis",
     "pybullet": "emulator",
     "rosbags": "ros",
@@ -59,12 +67,14 @@ MAY_FAIL = {
     "macor_hil.experiments": "experiments",
     "macor_hil.monitor.dashboard": "dashboard",
     "macor_hil.telemetry.ros2": "ros",
-    "macor_hil.telemetry.recordings.foxglove": "recording",
+    "macor_hil.runs.by_hand.ros_drive": "ros",
+    "macor_hil.telemetry.viewers.live": "foxglove",
+    "macor_hil.telemetry.viewers.scene": "recording",
+    "macor_hil.telemetry.viewers.topics": "recording",
     "macor_hil.telemetry.recordings.mcap_file": "recording",
+    "macor_hil.telemetry.recordings.mcap_index": "recording",
     "macor_hil.telemetry.recordings.recorder": "recording",
     "macor_hil.telemetry.recordings.recording": "recording",
-    "khepera_emulator.world.world": "emulator",
-    "khepera_emulator.robot.emulator": "emulator",
 }
 
 
@@ -90,7 +100,7 @@ def modules(package: str) -> Iterator[str]:
 def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.mkdir()
-    for file in ("pyproject.toml", "README.md", "LICENSE"):
+    for file in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / file, source)
     for package in PACKAGES:
         shutil.copytree(ROOT / package, source / package, ignore=IGNORED)
@@ -104,7 +114,16 @@ def test_the_wheel_holds_every_file_of_the_packages(tmp_path: Path) -> None:
     command += ["--no-build-isolation", "--wheel-dir", str(tmp_path), str(source)]
     subprocess.run(command, check=True, timeout=PATIENCE, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
-    assert files <= set(zipfile.ZipFile(wheel).namelist())
+    inside = zipfile.ZipFile(wheel)
+    assert files <= set(inside.namelist())
+    (metadata,) = [name for name in inside.namelist() if name.endswith("/METADATA")]
+    said = message_from_bytes(inside.read(metadata))
+    assert said["Description-Content-Type"] == "text/markdown"
+    assert said["Version"] == PROJECT["version"]
+    description = str(said.get_payload())
+    assert "# khepera-macor" in description
+    # no file lies beside it on a package index
+    assert not re.search(r"\]\((?!https?:|#)", description)
 
 
 @pytest.mark.long
@@ -139,23 +158,91 @@ def files_in(folder: Path) -> set[str]:
 
 
 def test_every_extra_is_tried_without() -> None:
-    for_developers = {"benchmarks", "build", "docs", "lint", "release", "test"}
+    for_developers = {"benchmarks", "build", "docs", "lint", "release", "test", "tracking"}
     assert set(NEEDS.values()) == set(PROJECT["optional-dependencies"]) - for_developers
 
 
-@pytest.mark.parametrize("python", ["3.11", "3.12", "3.13", "3.14"])
-def test_every_python_gets_one_pybullet(python: str) -> None:
+FORK = ["pybullet-arm64"]
+
+
+@pytest.mark.parametrize(
+    ("system", "processor", "found"),
+    [
+        ("linux", "x86_64", [["pybullet"], FORK, FORK, []]),
+        ("darwin", "arm64", [FORK, FORK, FORK, []]),
+        ("win32", "AMD64", [FORK, FORK, FORK, []]),
+        ("linux", "aarch64", [[], [], [], []]),
+    ],
+)
+def test_every_python_gets_the_pybullet_that_there_is_a_wheel_of(
+    system: str, processor: str, found: list[list[str]]
+) -> None:
     wanted = [Requirement(line) for line in PROJECT["optional-dependencies"]["emulator"]]
-    found = [
-        each.name for each in wanted if not_none(each.marker).evaluate({"python_version": python})
-    ]
-    assert found == ["pybullet-arm64" if python in ("3.12", "3.13") else "pybullet"]
+    place = {"sys_platform": system, "platform_machine": processor}
+    for minor, names in enumerate(found, start=11):
+        environment = {**place, "python_version": f"3.{minor}"}
+        assert names == [
+            each.name for each in wanted if not_none(each.marker).evaluate(environment)
+        ]
+        # the advice where it is missing is to install the extra, or says that there is none
+        assert bool(names) == (minor < 14 and (system, processor) in WHEELS)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_every_python_that_is_found_takes_the_wheel_and_asks_for_a_picture(tmp_path: Path) -> None:
+    wheel = pythons.build_wheel(tmp_path)
+    tests = ("test_motors.py", "test_without_pybullet.py")
+    found = pythons.found()
+    assert sys.version_info[1] in found
+    for minor, python in found.items():
+        row = pythons.try_python(python, wheel, tmp_path / str(minor), tests)
+        assert row.python.startswith(f"3.{minor}.")
+        assert row.arena == ("corridor" if row.physics == "none" else "toys")
+        assert " passed" in row.tests
+
+
+STUBS = {
+    "leads nowhere": "exit 127",
+    "too old": "exit 1",
+    "new enough": "exit 0",
+}
+"""Interpreters that answer whether they are new enough, as scripts."""
+
+
+@pytest.mark.parametrize(
+    ("there", "taken"),
+    [
+        ({"python3.11": "new enough", "python3.13": "new enough"}, "python3.11"),
+        ({"python3.11": "leads nowhere", "python3.12": "new enough"}, "python3.12"),
+        ({"python3.14": "new enough", "python3": "new enough"}, "python3.14"),
+        ({"python3": "too old", "python": "new enough"}, "python"),
+        ({"python3": "too old"}, ""),
+        ({}, ""),
+    ],
+)
+def test_make_takes_the_first_python_that_runs_and_is_new_enough(
+    there: dict[str, str], taken: str, tmp_path: Path
+) -> None:
+    for name, kind in there.items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{STUBS[kind]}\n")
+        (tmp_path / name).chmod(0o755)
+    make = not_none(shutil.which("make"))
+    told = subprocess.run(
+        [make, "--eval", "told: ; @echo '$(PYTHON)';", "told"],
+        cwd=ROOT,
+        env={"PATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert told.stdout.strip() == taken
 
 
 def test_every_extra_is_documented() -> None:
     page = (ROOT / "docs" / "install.md").read_text("utf-8")
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
-    for_developers = {"build", "docs", "lint", "release", "test"}
+    for_developers = {"build", "docs", "lint", "release", "test", "tracking"}
     assert documented == set(PROJECT["optional-dependencies"]) - for_developers
 
 
@@ -187,9 +274,8 @@ def test_the_command_lines_help_without_any_extra(program: str) -> None:
 @pytest.mark.parametrize(
     ("program", "arguments", "extra"),
     [
-        ("khepera_emulator.app.cli", ["run"], "emulator"),
-        ("macor_hil.cli", ["look", "--picture", "FILE.png"], "emulator"),
-        ("macor_hil.cli", ["train", "--map", "FILE"], "emulator"),
+        ("khepera_emulator.app.cli", ["run", "--arena", "toys"], "emulator"),
+        ("macor_hil.cli", ["look", "--port", "khepera://toys", "--picture", "F.png"], "emulator"),
         ("macor_hil.cli", ["ros2"], "ros"),
         ("macor_hil.cli", ["dashboard"], "dashboard"),
         ("macor_hil.cli", ["record", "FILE"], "recording"),
@@ -214,3 +300,45 @@ def test_a_program_tells_its_version(program: str) -> None:
     command = [sys.executable, "-m", program, "--version"]
     said = subprocess.run(command, timeout=PATIENCE, capture_output=True, text=True, check=True)
     assert said.stdout.strip() == f"{PROJECT['name']} {PROJECT['version']}"
+
+
+@pytest.mark.parametrize("package", ["khepera_emulator", "khepera_protocol", "macor_hil"])
+def test_a_package_tells_its_version_and_nothing_that_it_has_not(package: str) -> None:
+    module = import_module(package)
+    assert module.__version__ == PROJECT["version"]
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'versoin'"):
+        _ = module.versoin
+
+
+@pytest.mark.parametrize(
+    "shell",
+    [
+        "bash",
+        pytest.param("zsh", marks=pytest.mark.long),
+        pytest.param("fish", marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.parametrize("program", ["khepera-emulator", "macor-hil"])
+def test_a_shell_completes_commands(program: str, shell: str) -> None:
+    module = {"khepera-emulator": "khepera_emulator.app.cli", "macor-hil": "macor_hil.cli"}[program]
+    variable = f"_{program.replace('-', '_')}_COMPLETE".upper()
+    code = f"import sys; sys.argv[0] = {program!r}; from {module} import main; main()"
+
+    def run(**variables: str) -> str:
+        return subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, **variables},
+            timeout=PATIENCE,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+
+    assert variable in run(**{variable: f"source_{shell}"})
+    line = f"{program} re"
+    typed = {"COMP_WORDS": line, "COMP_CWORD": "1", "_TYPER_COMPLETE_ARGS": line}
+    fish = {"_TYPER_COMPLETE_FISH_ACTION": "get-args"} if shell == "fish" else {}
+    offered = run(**{variable: f"complete_{shell}"}, **typed, **fish)
+    assert "replay" in offered
+    assert "truth" not in offered
+    assert "train" not in offered

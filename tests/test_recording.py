@@ -7,9 +7,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from as_type import as_type, not_none
 from controller_helpers import ask, free_endpoint, wait_until_watched, watching
@@ -26,8 +29,9 @@ from macor_hil.errors import RecordingError
 from macor_hil.monitor.follower import Follower
 from macor_hil.monitor.robot_state import RobotState
 from macor_hil.telemetry.feed import Arrival, Event, Presence
+from macor_hil.telemetry.recordings.mcap_index import latest_before, read_index
 from macor_hil.telemetry.recordings.player import Player, play
-from macor_hil.telemetry.recordings.recording import Recorder, read_recording
+from macor_hil.telemetry.recordings.recording import Recorder, play_recording, read_recording
 from macor_hil.telemetry.session import open_session
 
 PATIENCE = 20.0
@@ -59,7 +63,7 @@ def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file: P
         assert json.loads(decision.data) == schema_of(Decision)
         assert schemas["macor/khepera/frame"].name == "foxglove.CompressedImage"
         assert schemas["foxglove/khepera/pose"].name == "foxglove.PoseInFrame"
-        assert schemas["foxglove/khepera/walls"].name == "foxglove.SceneUpdate"
+        assert schemas["foxglove/khepera/arena"].name == "foxglove.SceneUpdate"
         assert schemas["foxglove/khepera/infrared"].name == "foxglove.SceneUpdate"
         assert schemas["foxglove/khepera/wire"].name == "foxglove.Log"
         (_, _, message, picture), *_ = reader.iter_decoded_messages(["macor/khepera/frame"])
@@ -69,7 +73,7 @@ def test_an_independent_reader_finds_schemas_times_and_foxglove_messages(file: P
         poses = [m for *_, m in reader.iter_decoded_messages(["foxglove/khepera/pose"])]
         assert [round(pose.pose.position.x, 3) for pose in poses] == [0.1, 0.12, 0.14, 0.16]
         logs = [m for *_, m in reader.iter_decoded_messages(["foxglove/khepera/wire"])]
-        assert [log.message for log in logs] == ["H\\n", "h,262,263\\r\\n"]
+        assert [log.message for log in logs] == ["H", "h,262,263"]
 
 
 SIMPLE = {"boolean", "string", "number", "integer"}
@@ -355,3 +359,97 @@ def test_presence_is_kept_apart_for_each_side() -> None:
     watched.take(Presence(CONTROLLER, False, 0))
     assert not watched.controlled.alive
     assert watched.controlled.met
+
+
+@pytest.fixture(scope="module")
+def long_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("long") / "long.mcap"
+    with Recorder(path, "khepera") as recorder:
+        for event in a_life(120):
+            recorder.write(event)
+    return path
+
+
+class CountingFile(BytesIO):
+    """A file that counts the bytes that are read of it."""
+
+    read_bytes = 0
+
+    def read(self, size: int | None = -1) -> bytes:
+        data = super().read(size)
+        self.read_bytes += len(data)
+        return data
+
+
+def in_order(event: Event) -> tuple[int, str]:
+    return event.received, repr(event)[:60]
+
+
+@pytest.mark.parametrize("begin", [0.001, 0.65, 2.5, 60.25, 119.9, 1e6])
+@pytest.mark.parametrize("indexed", [True, False])
+def test_a_recording_is_begun_with_what_was_so_then(
+    long_file: Path, tmp_path: Path, begin: float, indexed: bool
+) -> None:
+    path, whole = long_file, read_recording(long_file)[1]
+    if not indexed:
+        path = tmp_path / "killed.mcap"
+        path.write_bytes(long_file.read_bytes()[:-1])
+    name, events = play_recording(path, begin)
+    played = list(events)
+    time = whole[0].received + round(begin * SECOND)
+    before = [event for event in whole if event.received < time]
+    kinds = {(event.side, getattr(event, "leaf", "alive")): event for event in before}
+    assert name == "khepera"
+    assert sorted(played[: len(kinds)], key=in_order) == sorted(kinds.values(), key=in_order)
+    assert played[len(kinds) :] == [event for event in whole if event.received >= time]
+
+
+def test_a_jump_reads_the_index_and_a_few_chunks(long_file: Path) -> None:
+    data = long_file.read_bytes()
+    file = CountingFile(data)
+    index = not_none(read_index(file))
+    wanted = [n for n, topic in index.topics.items() if not topic.startswith("foxglove")]
+    begin, end = index.begin, index.end
+    found = latest_before(file, index, (begin + end) // 2, wanted)
+    assert len(found) == len(wanted)
+    assert file.read_bytes < 0.05 * len(data)
+    places = {place for _, place in found.values()}
+    assert len(places) < 10
+
+
+@pytest.mark.parametrize("cut", [1, 20, 40, 1000])
+def test_a_file_without_its_end_has_no_index(long_file: Path, cut: int) -> None:
+    assert read_index(BytesIO(long_file.read_bytes()[:-cut])) is None
+
+
+def test_damage_of_an_index_is_no_harm(long_file: Path) -> None:
+    data = bytearray(long_file.read_bytes())
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        damaged = bytearray(data)
+        for place in rng.integers(len(data) - 20_000, len(data), 5):
+            damaged[place] = rng.integers(256)
+        file = BytesIO(bytes(damaged))
+        index = read_index(file)
+        if index is not None:
+            latest_before(file, index, int(rng.integers(2**62)), index.topics)
+
+
+def test_times_only_grow_whatever_clocks_do(tmp_path: Path) -> None:
+    events = a_life(2)
+    moved = [
+        replace(event, received=event.received - (k % 3) * SECOND) for k, event in enumerate(events)
+    ]
+    with Recorder(tmp_path / "x", "khepera") as recorder:
+        for event in moved:
+            recorder.write(event)
+    with (tmp_path / "x").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        times = [m.log_time for _, _, m in reader.iter_messages(log_time_order=False)]
+        stamps = [
+            m.timestamp.ToNanoseconds()
+            for *_, m in reader.iter_decoded_messages(["foxglove/khepera/pose"])
+        ]
+    assert times == sorted(times)
+    assert stamps == sorted(stamps)
+    assert times[-1] == max(event.received for event in moved)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from in_process import open_robot
-from khepera_protocol.options import OptionError
+from khepera_protocol.options import Cli, OptionError
 from typer.testing import CliRunner
 
 import khepera_emulator  # noqa: F401 - registers khepera://
@@ -20,13 +20,15 @@ from khepera_emulator.robot.options import HIGHEST_SEED, RobotOptions, UrlOption
 
 EXAMPLES: dict[str, list[Any]] = {
     "arena": ["open-box", "runs/my arena#1?100%.toml"],
-    "model": ["khepera2"],
+    "model": ["khepera2", "khepera,epuck2"],
     "seed": [1, HIGHEST_SEED],
     "drift": ["none", "scale=0.01,slip=0.05"],
+    "physics": ["pybullet"],
     "baud": ["unpaced", "38400", "1"],
     "fault": [["drop:p=0.1"], ["stray:at=1,text=a&b=c#%\\r\\n", "reset:at=5"]],
     "turret": [["gripper", "k213"]],
     "firmware": [["reject-beyond", "rom-revision=4.02"]],
+    "profile": ["btcom"],
     "dead_man": [0.5, 60.0],
     "robots": [2, 32],
 }
@@ -103,11 +105,11 @@ def test_the_header_of_a_log_is_as_ever() -> None:
     alone = RobotOptions(seed=3, dead_man=60, fault=("drop:p=1",), turret=("k213",))
     assert UrlOptions.of(alone, 1, ["cut:at=2"]).to_url() == (
         "khepera://corridor?fault=drop%3Ap%3D1&fault=cut%3Aat%3D2&model=khepera&seed=3"
-        "&drift=default&baud=auto&turret=k213&dead-man=60.0"
+        "&drift=default&physics=auto&baud=auto&turret=k213&dead-man=60.0"
     )
     several = RobotOptions(robots=3)
     assert UrlOptions.of(several, 2).to_url() == (
-        "khepera://corridor?model=khepera&seed=0&drift=default&baud=auto&robots=3&robot=2"
+        "khepera://corridor?model=khepera&seed=0&drift=default&physics=auto&baud=auto&robots=3&robot=2"
     )
 
 
@@ -164,3 +166,10 @@ def test_a_wrong_value_is_told(options: dict[str, str], says: str) -> None:
     done = CliRunner().invoke(app, ["run", *words])
     assert isinstance(done.exception, OptionError)
     assert says in str(done.exception)
+
+
+def test_help_explains_every_word_that_an_option_offers() -> None:
+    for name, info in RobotOptions.model_fields.items():
+        offered = next((each.metavar or "" for each in info.metadata if isinstance(each, Cli)), "")
+        words = [word for word in offered.split("|") if "|" in offered and word.islower()]
+        assert all(word in str(info.description) for word in words), name

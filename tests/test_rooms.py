@@ -31,7 +31,9 @@ IO = {
 
 WITH_IO = {
     "khepera_protocol.compiled": {"os", "pathlib", "sys"},
+    "khepera_protocol.config_file": {"pathlib", "typer"},
     "khepera_protocol.extras": {"sys", "urllib"},
+    "khepera_protocol.logs": {"time"},
     "khepera_protocol.options": {"pathlib", "typer"},
     "khepera_protocol.registry": {"pathlib", "sys"},
     "khepera_protocol.version": {"typer"},

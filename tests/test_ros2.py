@@ -6,33 +6,41 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from math import cos, pi, sin
+from collections import Counter
+from collections.abc import Callable, Iterable
+from functools import cache
+from math import cos, degrees, inf, isnan, pi, sin
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
 import pytest
 import zenoh
-from as_type import not_none
+from as_type import as_type, not_none
 from controller_helpers import (
     PATIENCE,
     a_decision,
     a_frame,
+    a_state,
     free_endpoint,
     publishing,
-    receive,
     wait_until_watched,
     watching,
 )
-from khepera_protocol.zenoh.controller_payloads import Odometry
-from khepera_protocol.zenoh.keys import DECISION, FRAME
-from khepera_protocol.zenoh.payloads import Pose
+from khepera_protocol.zenoh.controller_payloads import Link, Odometry, Phase
+from khepera_protocol.zenoh.keys import CONTROLLER, DECISION, EMULATOR, FRAME
+from khepera_protocol.zenoh.payloads import Outline, Pose, Wire, WireEntry
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from watching_helpers import BEGIN, a_life, json_event, picture_event, truth
 
 from macor_hil.errors import TelemetryError
-from macor_hil.telemetry.ros2 import messages
+from macor_hil.telemetry.examples import EXAMPLES
+from macor_hil.telemetry.feed import Event, Presence
+from macor_hil.telemetry.ros2 import messages, moving, sensing, telling, topics
 from macor_hil.telemetry.ros2.bridge import Bridge
+from macor_hil.telemetry.ros2.messages import Frames, cdr
 from macor_hil.telemetry.ros2.rmw_zenoh import Node, Topic, attachment, gid, namespace_of
 
 # what the ROS 2 project publishes of its own demonstration nodes
@@ -43,71 +51,37 @@ TALKER = (
     f"std_msgs::msg::dds_::String_/{STRING_HASH}/::,7:,:,:,,"
 )
 
-# the interfaces' definitions as ROS 2 prints them (ros2 interface show), for the other decoder
-_HEADER = """
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-===
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-_TWIST = """
-MSG: geometry_msgs/Twist
-geometry_msgs/Vector3 linear
-geometry_msgs/Vector3 angular
-===
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-"""
+# the interfaces' definitions as the ROS 2 project publishes them, for the other decoder
 DEFINITIONS = {
-    "sensor_msgs/msg/CompressedImage": f"""std_msgs/Header header
-string format
-uint8[] data
-==={_HEADER}""",
-    "geometry_msgs/msg/TwistStamped": f"""std_msgs/Header header
-geometry_msgs/Twist twist
-==={_HEADER}==={_TWIST}""",
-    "nav_msgs/msg/Odometry": f"""std_msgs/Header header
-string child_frame_id
-geometry_msgs/PoseWithCovariance pose
-geometry_msgs/TwistWithCovariance twist
-==={_HEADER}==={_TWIST}===
-MSG: geometry_msgs/PoseWithCovariance
-geometry_msgs/Pose pose
-float64[36] covariance
-===
-MSG: geometry_msgs/TwistWithCovariance
-geometry_msgs/Twist twist
-float64[36] covariance
-===
-MSG: geometry_msgs/Pose
-geometry_msgs/Point position
-geometry_msgs/Quaternion orientation
-===
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-===
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-""",
+    name: text.strip()
+    for name, _, text in (
+        part.partition("\n")
+        for part in (Path(__file__).parent / "ros2_definitions.txt").read_text().split("MSG: ")[1:]
+    )
 }
 
 NOW = 1_700_000_000_123_456_789
 
 
-def decode(kind: str, data: bytes) -> Any:
-    text = DEFINITIONS[kind].replace("===", 80 * "=")
-    schema = Schema(1, text.encode(), "ros2msg", kind)
-    return not_none(DecoderFactory().decoder_for("cdr", schema))(data)
+def definition(kind: str) -> str:
+    """The definition of an interface, with those of all parts after it, as in recordings."""
+    rest = [f"MSG: {name}\n{text}" for name, text in DEFINITIONS.items() if name != kind]
+    return f"\n{80 * '='}\n".join([DEFINITIONS[kind], *rest])
+
+
+@cache
+def decoder(kind: str) -> Callable[[bytes], Any]:
+    schema = Schema(1, definition(kind).encode(), "ros2msg", kind)
+    return not_none(DecoderFactory().decoder_for("cdr", schema))
+
+
+def decode(message: Any) -> Any:
+    """A message of ours as another library reads it."""
+    return decoder(message.__msgtype__.replace("/msg/", "/"))(cdr(message))
+
+
+def times(message: Any) -> tuple[int, int]:
+    return message.header.stamp.sec, message.header.stamp.nanosec
 
 
 def at(x: float, y: float, heading: float) -> Odometry:
@@ -127,33 +101,25 @@ def test_tokens_are_those_of_ros_2_nodes() -> None:
     assert node.publisher_token(10, CHATTER, depth=7) == TALKER
 
 
-@pytest.mark.parametrize(
-    ("topic", "kind", "kind_hash"),
-    [
-        # hashes as systems that run ROS 2 Jazzy show them
-        (
-            messages.odometry_topic,
-            "nav_msgs/msg/Odometry",
-            "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
-        ),
-        (
-            messages.command_topic,
-            "geometry_msgs/msg/TwistStamped",
-            "5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64",
-        ),
-        (
-            messages.image_topic,
-            "sensor_msgs/msg/CompressedImage",
-            "15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a",
-        ),
-    ],
-)
-def test_types_have_the_hashes_of_ros_2(
-    topic: Callable[[str], Topic], kind: str, kind_hash: str
-) -> None:
-    made = topic("/khepera")
-    assert made.kind == kind
-    assert made.kind_hash == f"RIHS01_{kind_hash}"
+HASHES = {
+    # as systems that run ROS 2 Jazzy show them
+    topics.ODOMETRY: "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
+    topics.COMMAND: "5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64",
+    topics.IMAGE: "15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a",
+}
+
+
+@pytest.mark.parametrize("name", HASHES)
+def test_types_have_the_hashes_of_ros_2(name: str) -> None:
+    assert topics.topic(name, "/khepera").kind_hash == f"RIHS01_{HASHES[name]}"
+
+
+def test_types_are_those_that_ros_2_publishes() -> None:
+    published = get_typestore(Stores.EMPTY)
+    for name, text in DEFINITIONS.items():
+        published.register(get_types_from_msg(text, name.replace("/", "/msg/")))
+    for kind in {message.__msgtype__ for message in topics.KINDS.values()}:
+        assert published.hash_rihs01(kind) == messages.types().hash_rihs01(kind)
 
 
 def test_an_attachment_is_number_time_and_gid() -> None:
@@ -174,7 +140,8 @@ def test_a_gid_is_the_hash_of_the_token() -> None:
 )
 def test_any_robot_has_a_namespace(robot: str, namespace: str) -> None:
     assert namespace_of(robot) == namespace
-    assert messages.image_topic(namespace).name == f"{namespace}/image/compressed"
+    assert topics.topic(topics.IMAGE, namespace).name == f"{namespace}/image/compressed"
+    assert topics.topic(topics.TRANSFORMS, namespace).name == "/tf"
 
 
 @pytest.mark.parametrize("name", ["chatter", "/", "/a b", "/a//b", "/1st"])
@@ -183,18 +150,21 @@ def test_names_that_ros_refuses_are_refused(name: str) -> None:
         Topic(name, CHATTER.kind, STRING_HASH)
 
 
+FRAMES = Frames("a/")
+
+
 def test_a_picture_passes_through_as_it_is() -> None:
-    message = decode("sensor_msgs/msg/CompressedImage", messages.image(b"\xff\xd8jpeg", NOW))
+    message = decode(sensing.image(b"\xff\xd8jpeg", "jpeg", NOW, FRAMES))
     assert message.format == "jpeg"
     assert bytes(message.data) == b"\xff\xd8jpeg"
-    assert (message.header.stamp.sec, message.header.stamp.nanosec) == divmod(NOW, 10**9)
+    assert times(message) == divmod(NOW, 10**9)
+    assert message.header.frame_id == "a/camera"
 
 
 def test_odometry_is_the_pose_and_the_mean_speed() -> None:
-    before = a_decision(3, odometry=at(1.0, 2.0, pi / 2))
-    after = a_decision(4, odometry=at(1.0, 2.1, pi / 2 + 0.2), time=before.time + 0.5)
-    message = decode("nav_msgs/msg/Odometry", messages.odometry(after, before, NOW))
-    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
+    before, after = at(1.0, 2.0, pi / 2).pose, at(1.0, 2.1, pi / 2 + 0.2).pose
+    message = decode(moving.odometry((1.5, after), (1.0, before), NOW, FRAMES))
+    assert (message.header.frame_id, message.child_frame_id) == ("a/odom", "a/base_link")
     pose = message.pose.pose
     assert (pose.position.x, pose.position.y, pose.position.z) == (1.0, 2.1, 0.0)
     half = (pi / 2 + 0.2) / 2
@@ -202,19 +172,13 @@ def test_odometry_is_the_pose_and_the_mean_speed() -> None:
     twist = message.twist.twist
     assert twist.linear.x == pytest.approx(0.2 * cos(0.1))
     assert twist.angular.z == pytest.approx(0.4)
-
-
-def test_a_first_decision_has_no_speed() -> None:
-    last_run = a_decision(7)
-    for before in (None, last_run):
-        cdr = messages.odometry(a_decision(0), before, NOW)
-        assert decode("nav_msgs/msg/Odometry", cdr).twist.twist.linear.x == 0.0
+    first = decode(moving.odometry((1.5, after), None, NOW, FRAMES))
+    assert first.twist.twist.linear.x == 0.0
 
 
 @pytest.mark.parametrize(("name", "turn"), [("left", 12), ("right", -12), ("straight", 0)])
 def test_a_command_is_its_arc(name: str, turn: int) -> None:
-    cdr = messages.command(a_decision(command=name), NOW)
-    twist = decode("geometry_msgs/msg/TwistStamped", cdr).twist
+    twist = decode(moving.command(a_decision(command=name), NOW, FRAMES)).twist
     # the faster wheel turns at 20 counts of 0.08 mm / 10 ms
     wheels = [twist.linear.x + side * twist.angular.z * 0.053 / 2 for side in (1, -1)]
     assert max(wheels) == pytest.approx(0.16, rel=0.01)
@@ -223,7 +187,152 @@ def test_a_command_is_its_arc(name: str, turn: int) -> None:
 
 def test_an_unknown_command_is_named() -> None:
     with pytest.raises(TelemetryError, match="'back'"):
-        messages.command(a_decision(command="back"), NOW)
+        moving.command(a_decision(command="back"), NOW, FRAMES)
+
+
+def test_infrared_sensors_are_ranges_and_a_scan() -> None:
+    readings = (0, 12, 1023, 449, 0, 0, 0, 55)
+    ranges = [decode(each) for each in sensing.ranges(readings, NOW, FRAMES)]
+    assert [each.header.frame_id for each in ranges] == [f"a/ir{k}" for k in range(8)]
+    seen = [inf, 0.041, 0.015, 0.025, inf, inf, inf, 0.035]
+    assert [each.range for each in ranges] == pytest.approx(seen)
+    assert {each.radiation_type for each in ranges} == {1}
+    scan = decode(sensing.scan(readings, NOW, FRAMES))
+    beams = {
+        round(degrees(scan.angle_min + k * scan.angle_increment)): reach - 0.0275
+        for k, reach in enumerate(scan.ranges)
+    }
+    bearings = (90, 45, 10, -10, -45, -90, -170, 170)
+    assert [beams[bearing] for bearing in bearings] == pytest.approx(seen)
+    assert beams[0] == pytest.approx(0.015)  # two look there: the nearer one counts
+    assert isnan(beams[135])
+
+
+def test_a_battery_is_its_voltage() -> None:
+    message = decode(sensing.battery(600, NOW, FRAMES))
+    assert message.voltage == pytest.approx(4.8)
+    assert isnan(message.percentage)
+
+
+def test_a_mirror_has_no_pinhole() -> None:
+    message = decode(sensing.camera_info(160, 120, NOW, FRAMES))
+    assert (message.width, message.height, message.k[0]) == (160, 120, 0.0)
+
+
+def test_the_tree_of_frames_leads_from_the_arena_to_each_sensor() -> None:
+    origin, odometer = at(1.0, 0.0, pi / 2).pose, at(0.5, 0.0, 0.0).pose
+    tree = decode(moving.transforms(origin, odometer, NOW, FRAMES)).transforms
+    parents = {each.child_frame_id: each.header.frame_id for each in tree}
+    assert parents["a/odom"] == "map"
+    assert parents["a/base_link"] == "a/odom"
+    assert all(parents[f"a/ir{k}"] == "a/base_link" for k in range(8))
+    left = next(each for each in tree if each.child_frame_id == "a/ir0").transform
+    assert left.translation.y == pytest.approx(0.0275)
+    assert left.rotation.z == pytest.approx(sin(pi / 4))
+
+
+def test_a_decision_is_drawn_with_what_was_weighed() -> None:
+    ways = [[at(0.0, 0.0, 0.0).pose, at(0.1, 0.0, 0.0).pose], [at(0.0, 0.0, 0.0).pose]]
+    drawn = decode(telling.decision_markers(a_decision(3, collided=True), ways, NOW, FRAMES))
+    clear, line, words = drawn.markers  # a way of a single point is none
+    assert (clear.action, line.type, words.type) == (3, 4, 9)
+    assert [(place.x, place.y) for place in line.points] == [(0.0, 0.0), (0.1, 0.0)]
+    assert words.text == "3: straight COLLISION"
+
+
+def test_walls_are_prisms() -> None:
+    drawn = decode(telling.arena_markers(as_type(Outline, EXAMPLES[Outline]), NOW, FRAMES))
+    (wall,) = drawn.markers
+    assert (wall.header.frame_id, wall.type) == ("map", 11)
+    assert len(wall.points) == 3 * (3 * 2 + 1)  # a triangle's three sides and its top
+
+
+def test_diagnostics_say_how_controller_line_and_bridge_do() -> None:
+    link = as_type(Link, EXAMPLES[Link]).model_copy(update={"failures": 2})
+    state = a_state(Phase.FAILED, reason="no reply")
+    told = decode(telling.diagnostics("khepera", state, link, "3 lost", NOW))
+    assert [(each.name, each.level, each.message) for each in told.status] == [
+        ("khepera: controller", 2, "failed: no reply"),
+        ("khepera: serial line", 1, "2 of 242 requests failed"),
+        ("khepera: bridge", 1, "3 lost"),
+    ]
+    alone = decode(telling.diagnostics("khepera", None, None, "", NOW))
+    assert [each.level for each in alone.status] == [3, 0]
+
+
+def told_of(events: Iterable[Event]) -> dict[str, list[Any]]:
+    """All messages of events, as another library reads them, by their topics."""
+    made = topics.RosTopics("khepera")
+    told: dict[str, list[Any]] = {}
+    for event in events:
+        for name, message in made.tell(event, event.received):
+            told.setdefault(name, []).append(decode(message))
+    return told
+
+
+def test_a_run_is_told_on_every_topic() -> None:
+    told = told_of(a_life(3))
+    assert set(topics.KINDS) - set(told) == {topics.BATTERY}
+    for name in (topics.IMAGE, topics.CAMERA_INFO, topics.COMMAND, topics.PLAN, *topics.RANGES):
+        assert len(told[name]) == 3
+    assert len(told[topics.ODOMETRY]) == 1 + 3  # the line told of the wheels before it
+    size = told[topics.CAMERA_INFO][0]
+    assert (size.width, size.height) == (160, 160)
+    # the first of a run begins a command before it, each other one where the last one ended
+    plan = told[topics.PLAN][2].poses
+    last = told[topics.ODOMETRY][-2].pose.pose.position
+    assert (plan[0].pose.position.x, plan[0].pose.position.y) == (last.x, last.y)
+    assert len(plan) == 3
+    newest = {each.child_frame_id: each for each in told[topics.TRANSFORMS][-1].transforms}
+    assert newest["base_link"].transform.translation.x == pytest.approx(0.021)
+
+
+def a_wire(*lines: str) -> Wire:
+    """A part of the line, in pieces as it is told: two characters each."""
+    entries = []
+    for line in lines:
+        what, text = ("request", f"{line}\n") if line[0].isupper() else ("reply", f"{line}\r\n")
+        pieces = [text[k : k + 2] for k in range(0, len(text), 2)]
+        entries += [WireEntry(time=1.0, what=what, text=piece) for piece in pieces]
+    return Wire(first=0, entries=entries)
+
+
+ASKED = a_wire(
+    *("H", "h,0,0", "N", "n,0,0,449,0,0,0,0,0", "I,0", "i,600", "I,1", "i,7", "H", "h,100,100"),
+    *("N", "n,1,2", "H", "z,Protocol error", "h,5,x"),
+)
+
+
+def test_an_emulator_alone_is_told_by_what_passes_on_its_line() -> None:
+    told = told_of(
+        [
+            Presence(EMULATOR, True, BEGIN),
+            picture_event(0.1, side=EMULATOR, leaf="camera"),
+            json_event(EMULATOR, "truth", truth(0.2, 0.1), 0.2),
+            json_event(EMULATOR, "wire", ASKED, 0.3),
+        ]
+    )
+    assert len(told[topics.IMAGE]) == 1
+    assert told[topics.RANGES[2]][0].range == pytest.approx(0.025)
+    assert [each.voltage for each in told[topics.BATTERY]] == pytest.approx([4.8])
+    assert told[topics.ODOMETRY][-1].pose.pose.position.x == pytest.approx(0.008)
+    assert topics.COMMAND not in told
+    # in the arena the robot is where the truth says
+    origin, body = told[topics.TRANSFORMS][-1].transforms[:2]
+    sum_of_both = origin.transform.translation.x + body.transform.translation.x
+    assert sum_of_both == pytest.approx(0.1)
+
+
+def test_beside_a_controller_the_line_tells_the_battery_alone() -> None:
+    told = told_of([Presence(CONTROLLER, True, BEGIN), json_event(EMULATOR, "wire", ASKED, 0.3)])
+    assert set(told) == {topics.DIAGNOSTICS, topics.BATTERY}
+
+
+def forwarded(bridge: Bridge, enough: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not enough():
+        assert time.monotonic() < end
+        bridge.forward(0.1)
 
 
 def test_what_a_controller_tells_arrives_as_ros_2_topics() -> None:
@@ -231,39 +340,39 @@ def test_what_a_controller_tells_arrives_as_ros_2_topics() -> None:
     hears = "5/khepera/**"
     with (
         publishing(endpoint) as (session, publisher),
-        watching(endpoint, hears) as (listener, topics),
+        watching(endpoint, hears) as (listener, samples),
         Bridge(session, "khepera", 5) as bridge,
     ):
-        wait_until_watched(session, hears)
+        wait_until_watched(session, hears, FRAME.of("khepera"), DECISION.of("khepera"))
         publisher.frame(a_frame())
         publisher.decision(a_decision(0, command="left"))
         publisher.decision(a_decision(1))
-        for _ in range(3):
-            bridge.forward(PATIENCE)
-        samples = [receive(topics) for _ in range(5)]
+        got: dict[str, list[zenoh.Sample]] = {}
+
+        def both_decisions() -> bool:
+            while not samples.empty():
+                sample = samples.get()
+                got.setdefault(str(sample.key_expr).split("/", 2)[2].rsplit("/", 2)[0], []).append(
+                    sample
+                )
+            return len(got.get("markers", [])) == 2 and "image/compressed" in got
+
+        forwarded(bridge, both_decisions)
         tokens = [
             str(not_none(reply.ok).key_expr) for reply in listener.liveliness().get("@ros2_lv/**")
         ]
-    got: dict[str, list[tuple[Any, bytes]]] = {}
-    for sample in samples:
-        _, name, dds_kind, _ = str(sample.key_expr).rsplit("/", 3)[-4:]
-        kind = dds_kind.replace("::", "/").replace("dds_/", "").rstrip("_")
-        message = decode(kind, sample.payload.to_bytes())
-        got.setdefault(name, []).append((message, not_none(sample.attachment).to_bytes()))
-    assert {name: len(each) for name, each in got.items()} == {
-        "compressed": 1,
-        "cmd_vel": 2,
-        "odom": 2,
-    }
-    assert got["compressed"][0][0].data[:2] == b"\xff\xd8"
-    assert got["cmd_vel"][0][0].twist.angular.z > 0 == got["cmd_vel"][1][0].twist.angular.z
-    assert abs(got["odom"][0][0].header.stamp.sec - time.time()) < PATIENCE
-    numbers = [struct.unpack("<q", mark[:8])[0] for _, mark in got["odom"]]
-    assert numbers == [1, 2]
+    numbers = {name: len(each) for name, each in got.items()}
+    twice = ("cmd_vel", "odom", "plan", "markers", "scan", "range/ir7")
+    assert {name: numbers[name] for name in twice} == dict.fromkeys(twice, 2)
+    odometry = not_none(got["odom"][0].attachment).to_bytes()
+    assert struct.unpack("<q", odometry[:8])[0] == 1
     (odometry_token,) = (token for token in tokens if "Odometry_" in token)
-    assert {mark[17:] for _, mark in got["odom"]} == {gid(odometry_token)}
-    kinds = sorted(token.split("/")[5] for token in tokens)
-    assert kinds == ["MP", "MP", "MP", "NN"]
+    assert odometry[17:] == gid(odometry_token)
+    twist = decoder("geometry_msgs/TwistStamped")(got["cmd_vel"][0].payload.to_bytes())
+    assert twist.twist.angular.z > 0
+    assert abs(twist.header.stamp.sec - time.time()) < PATIENCE
+    kinds = Counter(token.split("/")[5] for token in tokens)
+    assert kinds == {"MP": len(topics.KINDS), "NN": 1}
     assert all(token.startswith(f"@ros2_lv/5/{session.zid()}/0/") for token in tokens)
 
 
@@ -273,18 +382,14 @@ def test_what_cannot_be_read_is_dropped(caplog: pytest.LogCaptureFixture) -> Non
         got: SimpleQueue[zenoh.Sample] = SimpleQueue()
         session.declare_subscriber("0/khepera/odom/**", got.put)
         session.put(DECISION.of("khepera"), "{}")
-        publisher.decision(a_decision())
-        bridge.forward(PATIENCE)
-        assert "1 refused; the last one of decision: " in caplog.text
+        forwarded(bridge, lambda: "1 refused; the last one of decision: " in caplog.text)
         assert got.empty()
-        bridge.forward(PATIENCE)
-        assert receive(got)
-        # of frames and of decisions; said again when the count has doubled
-        session.put("macor/**", "{}")
-        bridge.forward(PATIENCE)
-        bridge.forward(PATIENCE)
-        assert "2 refused; the last one of " in caplog.text
-        assert "it came for macor/**, not for one key" in caplog.text
+        publisher.decision(a_decision())
+        forwarded(bridge, lambda: not got.empty())
+        # said again when the count has doubled
+        session.put("macor/*/frame", "{}")
+        forwarded(bridge, lambda: "2 refused; the last one of frame: " in caplog.text)
+        assert "it came for macor/*/frame, not for one key" in caplog.text
 
 
 @pytest.mark.parametrize("domain", [-1, 233])

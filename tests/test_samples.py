@@ -44,10 +44,14 @@ def as_query(query: Query) -> zenoh.Query:
     return cast(zenoh.Query, query)
 
 
+_EMULATOR = ("camera", "truth", "reset", "arena", "push", "faults", "wire", "alive")
+_CONTROLLER = ("frame", "decision", "map", "state", "link", "stop", "steer")
+
+
 def test_keys_of_a_robot() -> None:
     assert [key.of("r1") for key in KEYS] == [
-        *(f"khepera/r1/{leaf}" for leaf in ("camera", "truth", "reset", "arena", "wire", "alive")),
-        *(f"macor/r1/{leaf}" for leaf in ("frame", "decision", "map", "state", "link", "stop")),
+        *(f"khepera/r1/{leaf}" for leaf in _EMULATOR),
+        *(f"macor/r1/{leaf}" for leaf in _CONTROLLER),
         "macor/r1/alive",
     ]
     assert CONTROLLER_ALIVE.pattern == "macor/<robot>/alive"

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pybullet
 import pytest
-from as_type import as_type
-from khepera_protocol.mirror import Mirror
+from as_type import as_type, not_none
 from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, Solid, Truth, WheelDrift
 from test_khepera_url import ask, open_port, session
 from worlds import arena
@@ -17,12 +16,12 @@ from worlds import arena
 from khepera_emulator.body.chassis import Chassis
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA
+from khepera_emulator.robot.khepera.robot import Robot
 from khepera_emulator.robot.periods import is_moving, run_periods
-from khepera_emulator.robot.robot import Robot
-from khepera_emulator.senses.camera import HEIGHT, OmniCamera
-from khepera_emulator.senses.renderers.faces import FacesRenderer
+from khepera_emulator.senses.camera import OmniCamera
 from khepera_emulator.world.solids import Brick, Disc
-from khepera_emulator.world.world import BODY_GROUP, RAY_GROUP, World
+from khepera_emulator.world.things import BODY_GROUP, RAY_GROUP
+from khepera_emulator.world.world import World
 
 IDEAL = WheelDrift(left_scale=1.0, right_scale=1.0, wheel_base=0.053, slip=0.0)
 ORIGIN = Pose(x=0.0, y=0.0, heading=0.0)
@@ -30,6 +29,10 @@ BOX = {"shape": "box", "centre": [0.10, 0.0], "size": [0.04, 0.04], "mass": 0.02
 POST = {"shape": "post", "centre": [0.10, 0.0], "radius": 0.0125, "mass": 0.02}
 BALL = {"shape": "ball", "centre": [0.10, 0.0], "radius": 0.02, "mass": 0.005}
 HALF = {"box": 0.02, "post": 0.0125, "ball": 0.02}
+
+
+def client_of(world: World) -> int:
+    return not_none(world.dynamics).client
 
 
 class Bench:
@@ -103,7 +106,7 @@ class TestPushing:
         made.drive(15, 1.5)
         (body,) = made.world.things
         (_, _, z), turn = pybullet.getBasePositionAndOrientation(
-            body.body, physicsClientId=made.world.client
+            body.body, physicsClientId=client_of(made.world)
         )
         rise = thing.get("radius", 0.02) if thing["shape"] == "ball" else 0.02
         assert z == pytest.approx(rise, abs=0.0005)
@@ -199,7 +202,7 @@ def test_a_robot_in_the_open_drives_exactly_while_something_rolls(
 ) -> None:
     made, alone = bench(BALL), bench()
     (ball,) = made.world.things
-    pybullet.resetBaseVelocity(ball.body, [0.3, 0.1, 0], physicsClientId=made.world.client)
+    pybullet.resetBaseVelocity(ball.body, [0.3, 0.1, 0], physicsClientId=client_of(made.world))
     made.world.period()
     assert made.world.restless
     for each in (made, alone):
@@ -213,7 +216,7 @@ def test_a_robot_in_the_open_drives_exactly_while_something_rolls(
 def test_time_passes_for_a_rolling_ball_while_the_robot_rests(bench: Callable[..., Bench]) -> None:
     made = bench(BALL)
     (ball,) = made.world.things
-    pybullet.resetBaseVelocity(ball.body, [0.2, 0, 0], physicsClientId=made.world.client)
+    pybullet.resetBaseVelocity(ball.body, [0.2, 0, 0], physicsClientId=client_of(made.world))
     made.world.period()
     made.run(300)
     # v^2 / 2a with a = 0.05 x 0.4 g
@@ -235,7 +238,11 @@ def test_rays_equal_those_of_pybullet() -> None:
         robot = Chassis(world, KHEPERA, IDEAL, Pose(x=x, y=-0.2, heading=0.0))
         # rays pass through a robot otherwise
         pybullet.setCollisionFilterGroupMask(
-            robot.body, -1, BODY_GROUP, RAY_GROUP, physicsClientId=world.client
+            not_none(robot.rigid).number,
+            -1,
+            BODY_GROUP,
+            RAY_GROUP,
+            physicsClientId=client_of(world),
         )
     scene = world.scene()
     rng = np.random.default_rng(0)
@@ -244,7 +251,7 @@ def test_rays_equal_those_of_pybullet() -> None:
     angles = rng.uniform(-pi, pi, len(places))
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     height = np.full(len(places), 0.02)
-    expected = 2.0 * world.cast(
+    expected = 2.0 * not_none(world.dynamics).cast(
         np.column_stack([places, height]), np.column_stack([places + 2.0 * rays, height])
     )
     distances, grey = scene.cast(places, rays)
@@ -285,11 +292,9 @@ def test_a_thing_throws_a_shadow_and_a_lamp_is_seen(bench: Callable[..., Bench])
     free, shaded = bench(lamp=lamp), bench(BOX, lamp=lamp)
     assert max(free.robot.ambient()[2:4]) < 420
     assert min(shaded.robot.ambient()[2:4]) > 470
-    mirror = Mirror()
     pictures = []
     for made in bench(), free:
-        renderer = FacesRenderer(made.world, HEIGHT, mirror.low, mirror.high)
-        camera = OmniCamera(made.world, np.random.default_rng(0), noise=0.0, renderer=renderer)
+        camera = OmniCamera(made.world, np.random.default_rng(0), noise=0.0)
         pictures.append(camera.panorama(ORIGIN))
     changed = np.argwhere((pictures[0] != pictures[1]).any(axis=2))
     assert 0 < len(changed) < 60

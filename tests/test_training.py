@@ -23,7 +23,7 @@ from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.checkpoints import checkpoint_path, train_map
+from macor_hil.runs.learning.checkpoints import checkpoint_path, train_map
 from macor_hil.runs.recovery import Ask, TrainingRecovery
 from macor_hil.runs.training import Recovery, Schedule, SessionKind
 
@@ -224,7 +224,7 @@ def test_a_full_disk_is_waited_out_with_a_hand(
             raise MapError(f"cannot write {path}: No space left on device")
         save(path, *rest)
 
-    monkeypatch.setattr("macor_hil.runs.checkpoints.save_map", full)
+    monkeypatch.setattr("macor_hil.runs.learning.checkpoints.save_map", full)
     brain = train_on_a_robot(tmp_path / "a.npz", ask=asked.append)
     assert len(asked) == 2
     assert "No space left on device. The robot stands; make room" in asked[0]
@@ -239,7 +239,7 @@ def test_without_a_hand_a_full_disk_ends_the_training(
     def full(path: Path, *_: Any) -> None:
         raise MapError(f"cannot write {path}: No space left on device")
 
-    monkeypatch.setattr("macor_hil.runs.checkpoints.save_map", full)
+    monkeypatch.setattr("macor_hil.runs.learning.checkpoints.save_map", full)
     with pytest.raises(MapError, match="No space left"):
         train_on_a_robot(tmp_path / "a.npz")
 

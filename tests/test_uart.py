@@ -6,16 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from khepera_emulator.line.uart import (
-    GRID,
-    INTERPRETER_TIME,
-    RECEIVE_LIMIT,
-    SEND_LIMIT,
-    Uart,
-    on_grid,
-)
+from khepera_emulator.line.dialect import KHEPERA
+from khepera_emulator.line.uart import GRID, Uart, on_grid
 
 BYTE = 11 / 9600
+INTERPRETER_TIME = KHEPERA.busy
+RECEIVE_LIMIT = KHEPERA.receive_limit
+SEND_LIMIT = KHEPERA.send_limit
 
 
 def ask(uart: Uart, line: bytes, reply: bytes, now: float = 0.0) -> float:

@@ -167,7 +167,7 @@ def test_a_watcher_can_use_the_monitor_and_the_recorder(folder: Path, tmp_path: 
         seen = macor_hil("monitor", "--once", *watcher)
         done = macor_hil("record", tmp_path / "drive.mcap", "--for", 2, *watcher)
     assert seen.exit_code == 0, seen.output
-    assert "driving  3 of 40" in seen.stdout
+    assert "driving, 3 of 40" in seen.stdout
     assert done.exit_code == 0, done.output
     events = read_recording(tmp_path / "drive.mcap")[1]
     assert {"state", "decision"} <= {event.leaf for event in events if hasattr(event, "leaf")}

@@ -24,7 +24,7 @@ from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.checkpoints import train_map
+from macor_hil.runs.learning.checkpoints import train_map
 from macor_hil.runs.recovery import TrainingRecovery
 from macor_hil.runs.training import Recovery, Schedule
 from macor_hil.telemetry.session import open_session

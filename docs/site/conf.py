@@ -36,6 +36,10 @@ python_use_unqualified_type_names = True
 add_module_names = False
 
 html_theme = "furo"
+# the help of commands, 100 columns, fits beside the navigation
+html_theme_options = {
+    name: {"code-font-size": "0.7rem"} for name in ("light_css_variables", "dark_css_variables")
+}
 html_title = f"{project} {release}"
 html_copy_source = False
 html_show_sphinx = False

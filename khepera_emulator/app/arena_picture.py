@@ -3,9 +3,12 @@
 from itertools import pairwise
 from math import atan2, cos, degrees, hypot, sin
 from pathlib import Path
+from textwrap import fill
 from typing import Any, Final
 
+from khepera_protocol import palette
 from khepera_protocol.extras import how_to_install
+from khepera_protocol.palette import drawing_style
 from khepera_protocol.zenoh.payloads import Pose
 
 from khepera_emulator.arenas.arena import Arena, Point
@@ -21,6 +24,9 @@ FORMATS: Final = (".png", ".jpg", ".jpeg", ".svg", ".pdf")
 
 _WIDTH = 4.8
 """Inches of the picture's longer side."""
+
+_LETTERS = 9.0
+"""Letters of a title in an inch."""
 
 _MARGIN = 0.05
 """Metres of floor around everything."""
@@ -41,7 +47,17 @@ def draw_arena(arena: Arena, path: Path, model: Model = KHEPERA) -> None:
         EmulatorError: Matplotlib is not installed, or the file cannot be written.
     """
     check_output(path, FORMATS)
-    figure, axes = _canvas(arena)
+    figure_type = _figure()
+    with drawing_style():
+        figure = _drawn(figure_type, arena, model)
+    try:
+        figure.savefig(path, format=path.suffix.lower().removeprefix("."))
+    except OSError as error:
+        raise EmulatorError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _drawn(figure_type: Any, arena: Arena, model: Model) -> Any:
+    figure, axes = _canvas(figure_type, arena)
     drawing = outline(arena, model)
     _draw_free_strip(axes, arena)
     for lamp in arena.lamp:
@@ -51,15 +67,16 @@ def draw_arena(arena: Arena, path: Path, model: Model = KHEPERA) -> None:
     for number, start in enumerate([arena.start, *arena.starts], 1):
         _draw_robot(axes, pose_of(start), model.radius)
         if arena.starts:
-            axes.annotate(str(number), (start.x, start.y), ha="right", va="top", zorder=8)
-    axes.set_title(arena.title, fontsize=9, parse_math=False)
-    try:
-        figure.savefig(path, dpi=100, format=path.suffix.lower().removeprefix("."))
-    except OSError as error:
-        raise EmulatorError(f"cannot write {path}: {error.strerror}") from None
+            axes.annotate(
+                str(number), (start.x, start.y), ha="right", va="top", zorder=8, color="white"
+            )
+    # long titles wrap where the drawing is narrow
+    letters = max(int(figure.get_figwidth() * _LETTERS), 1)
+    axes.set_title(fill(arena.title, letters), parse_math=False)
+    return figure
 
 
-def _canvas(arena: Arena) -> tuple[Any, Any]:
+def _figure() -> Any:
     try:
         # the Figure class alone: no window system, no global state
         from matplotlib.figure import Figure
@@ -68,20 +85,26 @@ def _canvas(arena: Arena) -> tuple[Any, Any]:
             "drawing needs Matplotlib, which is not installed; install the extra 'pictures' with:"
             f" {how_to_install('pictures')}"
         ) from None
+    return Figure
+
+
+def _canvas(figure_type: Any, arena: Arena) -> tuple[Any, Any]:
+    from matplotlib.ticker import MaxNLocator
+
     (x0, y0), (x1, y1) = _bounds(arena)
     width, height = x1 - x0 + 2 * _MARGIN, y1 - y0 + 2 * _MARGIN
     scale = _WIDTH / max(width, height)
     # room for the title and the numbers at the axes
-    figure = Figure(figsize=(max(width * scale, 3.0) + 0.6, height * scale + 0.7))
+    figure = figure_type(figsize=(max(width * scale, 3.0) + 0.8, height * scale + 1.0))
     figure.set_layout_engine("constrained")
     axes = figure.add_subplot()
     axes.set_facecolor(arena.floor)
     axes.set_aspect("equal")
     axes.set_xlim(x0 - _MARGIN, x1 + _MARGIN)
     axes.set_ylim(y0 - _MARGIN, y1 + _MARGIN)
-    axes.set_xlabel("x in m", fontsize=8)
-    axes.set_ylabel("y in m", fontsize=8)
-    axes.tick_params(labelsize=7)
+    axes.set(xlabel="x in m", ylabel="y in m")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(5))
     return figure, axes
 
 
@@ -120,9 +143,11 @@ def _draw_lamp(axes: Any, centre: tuple[float, float], power: float) -> None:
 
     for radius in _LAMP_GLOW:
         axes.add_patch(
-            Circle(centre, radius * power**0.5, color="gold", alpha=0.3, linewidth=0, zorder=2)
+            Circle(
+                centre, radius * power**0.5, color=palette.ORANGE, alpha=0.4, linewidth=0, zorder=2
+            )
         )
-    axes.plot(*centre, marker="*", color="gold", markersize=9, zorder=5)
+    axes.plot(*centre, marker="*", color=palette.ORANGE, markersize=14, zorder=5)
 
 
 def _draw_robot(axes: Any, pose: Pose, radius: float) -> None:
@@ -132,7 +157,7 @@ def _draw_robot(axes: Any, pose: Pose, radius: float) -> None:
     axes.plot(
         [pose.x, pose.x + 2 * radius * cos(pose.heading)],
         [pose.y, pose.y + 2 * radius * sin(pose.heading)],
-        color="red",
-        linewidth=1.5,
+        color=palette.VERMILION,
+        linewidth=2.5,
         zorder=7,
     )

@@ -8,6 +8,7 @@ query is answered.
 import logging
 from collections.abc import Callable
 
+from khepera_protocol.system.supervisor import NOBODY, Supervisor
 from khepera_protocol.system.waiting import readable
 
 from khepera_emulator.app.control import Control
@@ -50,9 +51,17 @@ class Daemon:
         clock: the time they live in; none of it has passed.
         control: takes requests of the program that has started this one, and ends the daemon with
             it.
+        supervisor: waits for signs of life, if anybody does.
     """
 
-    def __init__(self, emulator: Emulator, clock: Clock, control: Control | None = None) -> None:
+    def __init__(
+        self,
+        emulator: Emulator,
+        clock: Clock,
+        control: Control | None = None,
+        supervisor: Supervisor = NOBODY,
+    ) -> None:
+        self._supervisor = supervisor
         self._emulator = emulator
         self._clock = clock
         self._control = control
@@ -96,9 +105,11 @@ class Daemon:
         """Serve until `stop`."""
         try:
             while not self._stopping:
+                self._supervisor.alive()
                 self._serve(self._wait())
             self._serve(set())  # what came before the stop counts
         finally:
+            self._supervisor.stopping()
             self._stop.close()
             for line in self._lines:
                 line.end()
@@ -179,7 +190,9 @@ class _Line:
         self._answered = False
         self._look_again = False
         # a line that takes no time has no rate that a client's could differ from
-        self._asks_settings = follow_rate or emulator.uart.baud is not None or bool(self._log)
+        self._asks_settings = emulator.uart.dialect.serial and (
+            follow_rate or emulator.uart.baud is not None or bool(self._log)
+        )
         if self._log:
             emulator.uart.faults.listeners.append(self._log.fault)
 

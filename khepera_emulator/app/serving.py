@@ -1,8 +1,11 @@
 """Emulated robots from their options to the end of their daemon, for `khepera-emulator run`."""
 
+import os
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+
+from khepera_protocol.system.supervisor import Supervisor
 
 from khepera_emulator.app.control import Control
 from khepera_emulator.app.daemon import Daemon
@@ -17,7 +20,7 @@ from khepera_emulator.ports.link import Link
 from khepera_emulator.ports.opening import open_port
 from khepera_emulator.ports.paths import check_name, check_output
 from khepera_emulator.ports.port import Port
-from khepera_emulator.robot.emulator import make_fleet
+from khepera_emulator.robot.emulator import make_robots
 from khepera_emulator.robot.options import AUTO, RobotOptions, UrlOptions
 
 
@@ -46,13 +49,13 @@ def serve(
     count = options.robots
     faults = read_script(line.fault_script) if line.fault_script else []
     robots = [UrlOptions.of(options, number, faults) for number in range(1, count + 1)]
-    setup = robots[0].setup()
+    setups = robots[0].setups()
     names = _numbered(zenoh.robot, count)
     links, files = _links(line.link, count), _recordings(line.record, count)
     ending.hold()  # what is made from here on is put away at the end
     with ExitStack() as stack:
         claims = [stack.enter_context(Link(path)) if path else None for path in links]
-        emulators = make_fleet(setup, count)
+        emulators = make_robots(setups)
         stack.callback(emulators[0].close)
         channels = _channels(stack, names, zenoh)
         ports = _ports(stack, line, claims)
@@ -61,13 +64,15 @@ def serve(
             for path, robot in zip(files, robots, strict=True)
         ]
         control = Control(emulators, announce) if line.control else None
-        daemon = Daemon(emulators[0], Clock(line.speed), control)
+        supervisor = Supervisor.of(os.environ)
+        daemon = Daemon(emulators[0], Clock(line.speed), control, supervisor)
         for served in zip(emulators, ports, channels, logs, strict=True):
             daemon.add(*served, follow_rate=options.baud == AUTO)
         for name, port, claim in zip(names, ports, claims, strict=True):
             if claim:
                 claim.point_to(port.url)
             announce(f"{name} on {port.url}" + (f", link {claim.path}" if claim else ""))
+        supervisor.ready(f"{count} robots on" if count > 1 else "the robot is on")
         ending.call(daemon.stop)
         daemon.run()
 

@@ -26,13 +26,15 @@ from khepera_protocol.zenoh.keys import (
     CAMERA,
     EMULATOR,
     EMULATOR_ALIVE,
+    FAULTS,
+    PUSH,
     RESET,
     TRUTH,
     WIRE,
     Key,
 )
 from khepera_protocol.zenoh.payload_model import Payload
-from khepera_protocol.zenoh.payloads import CameraQuery, Reset
+from khepera_protocol.zenoh.payloads import CameraQuery, FaultSwitch, Outline, Push, Reset
 from khepera_protocol.zenoh.sample import Content, SamplePublisher, SampleWriter, json_content
 from khepera_protocol.zenoh.session import open_session
 from pydantic import ValidationError
@@ -114,10 +116,17 @@ class SideChannel:
                 else stack.enter_context(open_zenoh(listen, connect, config))
             )
             self.tap = WireTap()
-            answers = {**_ANSWERS, WIRE: lambda _, __: _json(self.tap.since(0))}
+            outlines = _Outlines(str(self._session.zid()))
+            answers = {
+                **_ANSWERS,
+                ARENA: lambda emulator, _: outlines.now(emulator),
+                PUSH: lambda emulator, request: outlines.push(emulator, request),
+                WIRE: lambda _, __: _json(self.tap.since(0)),
+            }
             streams: dict[Key, tuple[float, Callable[[Emulator], Content | None]]] = {
                 CAMERA: (camera_rate, lambda emulator: _camera(emulator, _JPEG_FRAME)),
                 TRUTH: (TRUTH_RATE, lambda emulator: _json(emulator.truth())),
+                ARENA: (TRUTH_RATE, outlines.moved),
                 WIRE: (WIRE_RATE, _fresh_entries(self.tap)),
             }
             offered = [key for key in answers if key in _HARMLESS or not looking]
@@ -137,6 +146,11 @@ class SideChannel:
             alive = self._session.liveliness().declare_token(EMULATOR_ALIVE.of(robot))
             stack.callback(alive.undeclare)
             self._stack = stack.pop_all()
+
+    @property
+    def session(self) -> zenoh.Session:
+        """The session of the channel, for as long as it is open."""
+        return self._session
 
     def __enter__(self) -> Self:
         return self
@@ -325,8 +339,39 @@ def _reset(emulator: Emulator, request: bytes) -> Content:
     return _json(emulator.reset(_parse(Reset, request)))
 
 
-def _outline(emulator: Emulator, _: bytes) -> Content:
-    return _json(emulator.outline())
+def _faults(emulator: Emulator, request: bytes) -> Content:
+    return _json(emulator.switch_faults(_parse(FaultSwitch, request)))
+
+
+class _Outlines:
+    """The arena from above, as the robots of one world tell it.
+
+    Args:
+        world: a name of the world.
+    """
+
+    def __init__(self, world: str) -> None:
+        self._world = world
+        self._told: object = None
+
+    def now(self, emulator: Emulator) -> Content:
+        """Return the arena as it is."""
+        return self._content(emulator.outline())
+
+    def push(self, emulator: Emulator, request: bytes) -> Content:
+        """Put a thing somewhere else."""
+        return self._content(emulator.push(_parse(Push, request)))
+
+    def moved(self, emulator: Emulator) -> Content | None:
+        """Return the arena if a thing has moved since the last call."""
+        arrangement = emulator.arrangement
+        if arrangement == self._told:
+            return None
+        self._told = arrangement
+        return self.now(emulator)
+
+    def _content(self, outline: Outline) -> Content:
+        return _json(outline.model_copy(update={"world": self._world}))
 
 
 def _fresh_entries(tap: WireTap) -> Callable[[Emulator], Content | None]:
@@ -345,7 +390,7 @@ def _fresh_entries(tap: WireTap) -> Callable[[Emulator], Content | None]:
 
 
 _ANSWERS: Mapping[Key, _Answer] = MappingProxyType(
-    {CAMERA: _camera, TRUTH: _truth, RESET: _reset, ARENA: _outline}
+    {CAMERA: _camera, TRUTH: _truth, RESET: _reset, FAULTS: _faults}
 )
 
 

@@ -31,6 +31,8 @@ MOST_THINGS: Final = 100
 
 MOST_LAMPS: Final = 100
 
+MOST_PAINTS: Final = 100
+
 _SHORTEST: Final = 0.001
 """Metres of the shortest stretch, and of the least size of anything."""
 
@@ -88,6 +90,22 @@ class Lamp(_Part):
 
     centre: Point
     power: Number = Field(default=1.0, ge=0.001, le=10.0)
+
+
+class Paint(_Part):
+    """A stripe painted on the floor along a polyline, its ends round; later ones lie on top.
+
+    Ground sensors see it. Cameras do not.
+    """
+
+    points: list[Point] = Field(min_length=2, max_length=MOST_SOLIDS)
+    width: Number = Field(default=0.02, ge=_SHORTEST, le=5.0)
+    colour: Colour = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        _check_stretches(self.points)
+        return self
 
 
 class Movable(_Part):
@@ -154,6 +172,7 @@ class Arena(_Part):
     sky: Colour = (1.0, 1.0, 1.0)
     start: Start
     free: Corridor
+    paint: list[Paint] = Field(default_factory=list, max_length=MOST_PAINTS)
     wall: list[Wall] = Field(default_factory=list, max_length=MOST_SOLIDS)
     cylinder: list[Cylinder] = Field(default_factory=list, max_length=MOST_SOLIDS)
     lamp: list[Lamp] = Field(default_factory=list, max_length=MOST_LAMPS)

@@ -4,20 +4,25 @@ Away from everything else nothing but the wheels acts on the body, and the pose 
 ways of the two wheels exactly. In a period whose way would lead into a wall, tyres slip and the
 body slides: `contact`. As soon as the body could touch something that moves when it is pushed, the
 same wheels drive a rigid body in PyBullet instead: `rigid_body`. `periods` then brings all robots
-through a period together.
+through a period together. (In a world of rigid bodies they drive that one all the time.)
 """
 
 from math import cos, pi, sin
+from typing import TYPE_CHECKING
 
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 
 from khepera_emulator.body.contact import Contact, Motion, Touch
-from khepera_emulator.body.rigid_body import RigidBody
+from khepera_emulator.body.hull import robot_look
 from khepera_emulator.models import Model
 from khepera_emulator.world.floor_plan import NEAR, Surroundings
+from khepera_emulator.world.looks import Look
 from khepera_emulator.world.solids import Disc, Solid
 from khepera_emulator.world.world import World
+
+if TYPE_CHECKING:
+    from khepera_emulator.body.rigid_body import RigidBody
 
 _CLOSE = 1e-4
 """Gap in metres below which the body counts as touching."""
@@ -45,11 +50,12 @@ class Chassis(Disc):
         ground_speed: of left and right wheel over the floor, m/s.
         reach: metres that it can go in the coming period.
         scene: what there is for it to see and to touch.
-        body: number of its rigid body in PyBullet.
+        rigid: its rigid body; None in a world without dynamics.
     """
 
     def __init__(self, world: World, model: Model, drift: WheelDrift, pose: Pose) -> None:
         super().__init__(pose.x, pose.y, model.radius, _GREY)
+        self._model = model
         self._plan = world.plan
         self._world = world
         self.left_scale, self.right_scale = drift.left_scale, drift.right_scale
@@ -58,9 +64,7 @@ class Chassis(Disc):
         # None in a world where nothing else moves: nothing to look out for
         self._surroundings = self.scene if isinstance(self.scene, Surroundings) else None
         self.pushing = Contact(model, drift.wheel_base)
-        self._rigid = RigidBody(world, model, drift.wheel_base)
-        self.body = self._rigid.number
-        self.paint = self._rigid.paint
+        self.rigid = _rigid_body(world, model, drift.wheel_base)
         if world.shared:
             world.movers.append(self)
             world.robots.append(self)
@@ -118,6 +122,8 @@ class Chassis(Disc):
         Args:
             most: metres that anything in the world may go in the period.
         """
+        if self._world.rigid:
+            return True
         if self._surroundings is None:
             return False
         arrangement = self._world.arrangement
@@ -150,9 +156,13 @@ class Chassis(Disc):
         return self._ways
 
     def show(self) -> None:
-        """Put the rigid body where the robot is: others meet it, and cameras see it there."""
-        if not self._dynamic:
-            self._rigid.place(self.pose, self.ground_speed)
+        """Put the rigid body where the robot is: others meet it there."""
+        if not self._dynamic and self.rigid is not None:
+            self.rigid.place(self.pose, self.ground_speed)
+
+    def looks(self) -> list[Look]:
+        """Return what others see of it, where it is."""
+        return robot_look(self._model, self.x, self.y)
 
     def drive(self) -> None:
         """Let the wheels' motors pull as was aimed at, in the coming period of the dynamics."""
@@ -161,11 +171,13 @@ class Chassis(Disc):
             self._dynamic = True
             self.sliding = None
             self.pushing.forget()
-        self._rigid.drive(self._ground, self.ground_speed)
+        assert self.rigid is not None
+        self.rigid.drive(self._ground, self.ground_speed)
 
     def arrive(self) -> tuple[float, float]:
         """Take in where the dynamics have brought the body; returns the wheels' ways."""
-        arrival = self._rigid.arrive()
+        assert self.rigid is not None
+        arrival = self.rigid.arrive()
         self.x, self.y, self.contact = arrival.x, arrival.y, arrival.contact
         self.heading += (arrival.heading - self.heading + pi) % (2 * pi) - pi
         self.ground_speed = arrival.ground_speed
@@ -230,3 +242,11 @@ class Chassis(Disc):
         if not (self.pushing.pressing or self.pushing.slipping):
             self.sliding = None
             self.pushing.forget()
+
+
+def _rigid_body(world: World, model: Model, wheel_base: float) -> "RigidBody | None":
+    if world.dynamics is None:
+        return None
+    from khepera_emulator.body.rigid_body import RigidBody
+
+    return RigidBody(world.dynamics, model, wheel_base)

@@ -8,18 +8,13 @@ from math import cos, sin
 from typing import NamedTuple
 
 import pybullet
-from khepera_protocol.serial.units import CONTROL_PERIOD, PULSE
+from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose
 
+from khepera_emulator.body.hull import GROUND_CLEARANCE, HULL_COLOUR, MAST_HEIGHT, MAST_RADIUS
 from khepera_emulator.models import Model
-from khepera_emulator.world.world import (
-    BODY_GROUP,
-    FLOOR_GROUP,
-    SOLID_GROUP,
-    THING_GROUP,
-    World,
-    hide,
-)
+from khepera_emulator.world.dynamics import Dynamics, hide
+from khepera_emulator.world.things import BODY_GROUP, FLOOR_GROUP, SOLID_GROUP, THING_GROUP
 
 _CASTER_RADIUS = 0.003
 _CASTER_OFFSET = 0.022
@@ -27,15 +22,10 @@ _CASTER_LIFT = 0.0002
 """Metres that the casters hang above the floor: on four feet at once it would be the solver's
 choice how much of the weight, and so of the grip, the wheels have."""
 
-_GROUND_CLEARANCE = 0.003
 _WHEELS = (0, 1)
 
 _STALL = 0.75
 """Pull of a stalling motor over what its tyre holds, where robots push each other (a choice)."""
-
-_HULL_COLOUR = (0.25, 0.27, 0.30)
-_MAST_RADIUS, _MAST_HEIGHT = 0.012, 0.055
-"""The camera's mast on a robot's back, which the others see."""
 
 
 class Arrival(NamedTuple):
@@ -57,20 +47,21 @@ class Arrival(NamedTuple):
 
 
 class RigidBody:
-    """The body of one robot in a world's physics client.
+    """The body of one robot in the dynamics of its world.
 
     Attributes:
         number: of the body in PyBullet.
     """
 
-    def __init__(self, world: World, model: Model, wheel_base: float) -> None:
-        self._world = world
+    def __init__(self, dynamics: Dynamics, model: Model, wheel_base: float) -> None:
+        self._dynamics = dynamics
         self._model = model
         self._wheel_base = wheel_base
-        self._client = world.client
+        self._client = dynamics.client
         self._wheel_angles = (0.0, 0.0)
         self._pressed = False
         self.number = self._build()
+        dynamics.robots.add(self.number)
 
     def place(self, pose: Pose, ground_speed: tuple[float, float]) -> None:
         """Put it somewhere, its wheels rolling at a speed over ground in m/s."""
@@ -129,7 +120,7 @@ class RigidBody:
 
     def paint(self, *, visible: bool) -> None:
         """Let cameras see the body, or not; for a shared world, where bodies have looks."""
-        colour = [*_HULL_COLOUR, 1.0 if visible else 0.0]
+        colour = [*HULL_COLOUR, 1.0 if visible else 0.0]
         pybullet.changeVisualShape(self.number, -1, rgbaColor=colour, physicsClientId=self._client)
 
     def _turned(self) -> tuple[float, float]:
@@ -152,7 +143,7 @@ class RigidBody:
             return most, most
         # Of two equal robots that push each other, tyres slipping, the solver would let one win at
         # full speed. Motors that stall before, and are weaker the faster they turn, settle it.
-        top = self._model.motor.top_speed * PULSE / CONTROL_PERIOD
+        top = self._model.top_speed
         left, right = (
             most * _STALL * (1.0 - min(abs(speed) / top, 1.0) * (speed * wanted > 0.0))
             for speed, wanted in zip(ground_speed, ways, strict=True)
@@ -162,15 +153,13 @@ class RigidBody:
     def _touches(self) -> bool:
         # the hull meets solids, things and other hulls, the floor meets the wheels alone
         points = pybullet.getContactPoints(self.number, linkIndexA=-1, physicsClientId=self._client)
-        if self._world.shared:
-            robots = {robot.body for robot in self._world.robots}
-            self._pressed = any(point[2] in robots for point in points)
+        self._pressed = any(point[2] in self._dynamics.robots for point in points)
         return bool(points)
 
     def _build(self) -> int:
         body = self._make()
         self._set_dynamics(body)
-        hide(body, self._client, first=0 if self._world.shared else -1)
+        hide(body, self._client, first=0 if self._dynamics.shared else -1)
         return body
 
     def _make(self) -> int:
@@ -188,7 +177,7 @@ class RigidBody:
         body: int = pybullet.createMultiBody(
             baseMass=model.mass * 0.8,
             baseCollisionShapeIndex=self._hull(),
-            baseVisualShapeIndex=self._look() if self._world.shared else -1,
+            baseVisualShapeIndex=self._look() if self._dynamics.shared else -1,
             basePosition=[0, 0, model.wheel_radius],
             linkMasses=[model.mass * 0.09, model.mass * 0.09, 0.001, 0.001],
             linkCollisionShapeIndices=[self._sphere(radius) for radius in radii],
@@ -209,12 +198,12 @@ class RigidBody:
         hull: int = pybullet.createCollisionShape(
             pybullet.GEOM_CYLINDER,
             radius=model.radius,
-            height=model.height - _GROUND_CLEARANCE,
+            height=model.height - GROUND_CLEARANCE,
             # the base frame lies on the wheel axle
             collisionFramePosition=[
                 0,
                 0,
-                (model.height + _GROUND_CLEARANCE) / 2 - model.wheel_radius,
+                (model.height + GROUND_CLEARANCE) / 2 - model.wheel_radius,
             ],
             physicsClientId=self._client,
         )
@@ -253,16 +242,16 @@ class RigidBody:
     def _look(self) -> int:
         """Make the shape of the hull and of the camera's mast on it, for the cameras of others."""
         model = self._model
-        hull, mast = model.height - _GROUND_CLEARANCE, _MAST_HEIGHT - model.height
+        hull, mast = model.height - GROUND_CLEARANCE, MAST_HEIGHT - model.height
         look: int = pybullet.createVisualShapeArray(
             shapeTypes=[pybullet.GEOM_CYLINDER] * 2,
-            radii=[model.radius, _MAST_RADIUS],
+            radii=[model.radius, MAST_RADIUS],
             lengths=[hull, mast],
             visualFramePositions=[
-                [0, 0, _GROUND_CLEARANCE + hull / 2 - model.wheel_radius],
+                [0, 0, GROUND_CLEARANCE + hull / 2 - model.wheel_radius],
                 [0, 0, model.height + mast / 2 - model.wheel_radius],
             ],
-            rgbaColors=[[*_HULL_COLOUR, 1.0]] * 2,
+            rgbaColors=[[*HULL_COLOUR, 1.0]] * 2,
             physicsClientId=self._client,
         )
         return look

@@ -48,11 +48,14 @@ class Faults:
         tell: Listener | None = None,
     ) -> None:
         self.listeners = [tell] if tell else []
+        self._seed = seed
+        self._made = 0
         self._faults = tuple(faults)
         self.begin(seed)
 
     def begin(self, seed: int, now: float = 0.0) -> None:
         """Begin anew: chance from a seed, times counted from now."""
+        self._seed, self._made = seed, len(self._faults)
         self._active = [
             _Active(fault, place, seed, now) for place, fault in enumerate(self._faults)
         ]
@@ -64,6 +67,44 @@ class Faults:
         self._moments = deque(sorted(moments, key=lambda moment: moment.at))
         self._on_line = [_spell(active, active.at) for active in once if active.on_line]
         self.spells = [_spell(active, active.at) for active in once if active.on_robot]
+
+    def switch_on(self, fault: Fault, now: float) -> None:
+        """Add a fault, whose times count from now; the chance of the others stays as it is."""
+        active = _Active(fault, self._made, self._seed, now)
+        self._made += 1
+        self._faults += (fault,)
+        self._active.append(active)
+        if active.victim is Victim.BYTE:
+            self._bytes.append(active)
+        if fault.chance is not None:
+            return
+        moments = [_Moment(active.at, active, begins=True)]
+        if active.starts_again_at_end:
+            moments.append(_Moment(active.at + fault.lasts, active))
+        self._moments = deque(sorted([*self._moments, *moments], key=lambda moment: moment.at))
+        if active.on_line:
+            self._on_line = [*self._on_line, _spell(active, active.at)]
+        if active.on_robot:
+            self.spells = [*self.spells, _spell(active, active.at)]
+
+    def switch_off(self, kind: str) -> None:
+        """Take away all faults of a kind, those that last at the moment, too."""
+        self._faults = tuple(fault for fault in self._faults if fault.kind != kind)
+        self._active = [each for each in self._active if each.fault.kind != kind]
+        self._bytes = [each for each in self._bytes if each.fault.kind != kind]
+        self._moments = deque(each for each in self._moments if each.active.fault.kind != kind)
+        self._on_line = [each for each in self._on_line if each.fault.kind != kind]
+        self.spells = [each for each in self.spells if each.fault.kind != kind]
+
+    @property
+    def count(self) -> int:
+        """Number of the faults."""
+        return len(self._faults)
+
+    @property
+    def kinds(self) -> list[str]:
+        """The kinds of all faults, each once."""
+        return list(dict.fromkeys(fault.kind for fault in self._faults))
 
     def __bool__(self) -> bool:
         """Tell whether there is any fault."""

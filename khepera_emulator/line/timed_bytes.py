@@ -3,8 +3,6 @@
 from collections import deque
 from collections.abc import Iterable
 
-from khepera_protocol.serial.framing import REQUEST_END
-
 
 class TimedBytes:
     """A queue of bytes whose times never fall.
@@ -58,22 +56,13 @@ class TimedBytes:
             count -= length
         raise IndexError("not so many bytes are on their way")
 
-    def line(self, count: int) -> int:
-        """Count those of the first `count` bytes up to the end of the first request, or all."""
-        end = REQUEST_END.search(self.data, 0, count)
-        return end.end() if end else count
-
-    def line_due(self) -> float | None:
-        """Return when the end of the first request is there; None if it is not on its way."""
-        end = REQUEST_END.search(self.data)
-        return self.due(end.end()) if end else None
-
-    def take_request(self, idle: float, until: float) -> tuple[float, bytes] | None:
-        """Remove all if it is one whole request that follows itself on the wire: the usual case.
+    def take_whole(self, size: int, idle: float, until: float) -> tuple[float, bytes] | None:
+        """Remove all if it is so many bytes that follow each other on the wire: the usual case.
 
         Args:
-            idle: it must not have set out before.
-            until: it must be there by this time.
+            size: the number of bytes that make a request.
+            idle: they must not have set out before.
+            until: they must be there by this time.
 
         Returns:
             When the last byte is there, and the bytes; None leaves everything to the caller.
@@ -81,9 +70,8 @@ class TimedBytes:
         if len(self._runs) != 1:
             return None
         start, each, count = self._runs[0]
-        end = REQUEST_END.search(self.data)
         due = start + each * count
-        if start < idle or due > until or not end or end.end() != count:
+        if start < idle or due > until or size != count:
             return None
         data = bytes(self.data)
         self.clear()

@@ -1,42 +1,27 @@
 """The serial line in time: when a byte has arrived, and when a byte of the answer leaves.
 
-All times are seconds on the robot's clock. A byte takes 11 bit times, in either direction; a
-request is carried out when its last byte has arrived, one after the other. Without a rate
-(`baud=None`) the line takes no time.
+All times are seconds on the robot's clock. A byte takes the bit times of its character, in either
+direction; a request is carried out when its last byte has arrived, one after the other. Without a
+rate (`baud=None`) the line takes no time. How a kind of robots speaks is its `dialect`.
 
 Every time is a multiple of `GRID`, a power of two: sums and differences of such numbers are
 exact for 97 days, so that what happens after a moment does not depend on when that moment was.
 """
 
 from collections.abc import Iterable, Iterator
-from typing import Final
-
-from khepera_protocol.serial.framing import REQUEST_END, RequestSplitter
-from khepera_protocol.serial.units import wire_time
+from typing import Any
 
 from khepera_emulator.line import coding as line_coding
 from khepera_emulator.line.clock import GRID as GRID
 from khepera_emulator.line.clock import on_grid as on_grid
 from khepera_emulator.line.coding import LineFormat
+from khepera_emulator.line.dialect import KHEPERA, Dialect
 from khepera_emulator.line.fault import Direction
 from khepera_emulator.line.faults import Faults, Timed
 from khepera_emulator.line.timed_bytes import TimedBytes
 
-FIRST_RATE: Final = 9600
-"""Bits a second that the line shows until a client sets another rate: a Khepera's mode 1."""
-
-RECEIVE_LIMIT: Final = 256
-"""Bytes that the robot holds before its interpreter takes them; more are lost."""
-
-SEND_LIMIT: Final = 4096
-"""Bytes of replies that wait for the line; a whole reply that does not fit is lost."""
-
-_RESTART = b"restart"
-"""The ROM's tool that starts the robot again: what its reset button does."""
-
-
-INTERPRETER_TIME: Final = on_grid(0.0015)
-"""Seconds between the end of a request and the first bit of its reply (a choice)."""
+Due = tuple[float, Any]
+"""A request as the robot's dialect has it, and when it is carried out."""
 
 
 class Uart:
@@ -45,8 +30,10 @@ class Uart:
     Args:
         baud: rate in bits a second, or None for a line that takes no time.
         faults: what goes wrong on the line.
+        dialect: the robot's end of it.
 
     Attributes:
+        dialect: the robot's end.
         lost: bytes of the client that were dropped because the robot's buffer was full.
         unsent: bytes of replies that were dropped because the line had no room for them.
         faults: what goes wrong on the line.
@@ -55,7 +42,10 @@ class Uart:
         receiver_free, interpreter_free, sender_free: when each is done with what it has so far.
     """
 
-    def __init__(self, baud: int | None, faults: Faults | None = None) -> None:
+    def __init__(
+        self, baud: int | None, faults: Faults | None = None, dialect: Dialect = KHEPERA
+    ) -> None:
+        self.dialect = dialect
         self.lost = self.unsent = 0
         self.faults = faults or Faults()
         self._faulty = bool(self.faults)
@@ -63,11 +53,16 @@ class Uart:
         self.receiver_free = self.interpreter_free = self.sender_free = 0.0
         self._orphans = 0
         self._unheard = False
-        self._splitter = RequestSplitter()
+        self._splitter = dialect.splitter()
         self._receiving = TimedBytes()
         self._held = bytearray()
         self._sending = TimedBytes()
         self.baud = baud
+
+    def note_faults(self) -> None:
+        """Take note that faults were switched on or off."""
+        self._faulty = bool(self.faults)
+        self._plain = not self._faulty and not self._garbled
 
     @property
     def baud(self) -> int | None:
@@ -92,9 +87,9 @@ class Uart:
 
     def _set_rate(self, rate: int | None) -> None:
         self._baud = rate
-        self._format = LineFormat(rate, stop=2) if rate else None
-        self.each: float = on_grid(wire_time(1, rate)) if rate else 0.0
-        self.busy = INTERPRETER_TIME if rate else 0.0
+        self._format = LineFormat(rate, stop=self.dialect.stop) if rate else None
+        self.each = self.dialect.character(rate) if rate else 0.0
+        self.busy = self.dialect.busy if rate else 0.0
         self._compare()
 
     @property
@@ -124,7 +119,7 @@ class Uart:
         items, self.receiver_free = self._pass(Direction.REQUEST, data, start)
         self._receiving.add_each(items)
 
-    def requests(self, until: float) -> Iterable[tuple[float, bytes]]:
+    def requests(self, until: float) -> Iterable[Due]:
         """Return requests that the robot carries out by a time, with the times of their execution.
 
         A fault that resets the robot comes as the request to start again.
@@ -132,21 +127,23 @@ class Uart:
         if self._faulty:
             return self._disturbed(until)
         if not self._held:
-            if not self._receiving.data:
+            data = self._receiving.data
+            if not data:
                 return ()  # a silent line, as it is most of the time
-            alone = self._receiving.take_request(self.interpreter_free, until)
+            size = self._splitter.end(data, len(data))
+            alone = self._receiving.take_whole(size, self.interpreter_free, until)
             if alone:
                 line = self._interpret(*alone)
                 return ((alone[0], line),) if line is not None else ()
         return self._carried_out(until)
 
-    def _disturbed(self, until: float) -> Iterator[tuple[float, bytes]]:
+    def _disturbed(self, until: float) -> Iterator[Due]:
         while (moment := self.faults.next_moment()) is not None and moment <= until:
             yield from self._carried_out(moment)
             yield from self._happen()
         yield from self._carried_out(until)
 
-    def _carried_out(self, until: float) -> Iterator[tuple[float, bytes]]:
+    def _carried_out(self, until: float) -> Iterator[Due]:
         receiving, held = self._receiving, self._held
         while receiving.data or held:
             free = self.interpreter_free
@@ -154,13 +151,12 @@ class Uart:
                 # what arrives while the interpreter is busy waits in the receive buffer
                 self._hold(receiving.arrived(min(until, free - GRID)))
             if held and free <= until:
-                start, end = free, REQUEST_END.search(held)
-                count = end.end() if end else len(held)
+                start, count = free, self._splitter.end(held, len(held)) or len(held)
                 data = bytes(held[:count])
                 del held[:count]
             elif count := 0 if held else receiving.arrived(until):
                 # an idle interpreter takes a byte at once
-                count = receiving.line(count)
+                count = self._splitter.end(receiving.data, count) or count
                 start, data = receiving.due(count), receiving.take(count)
             else:
                 return
@@ -172,12 +168,12 @@ class Uart:
         """So many more bytes arrive in the receive buffer."""
         if count:
             data = self._receiving.take(count)
-            fitting = data[: RECEIVE_LIMIT - len(self._held)]
+            fitting = data[: self.dialect.receive_limit - len(self._held)]
             self._held += fitting
             self.lost += count - len(fitting)
             self._count_orphans(count - len(fitting))
 
-    def _interpret(self, start: float, data: bytes) -> bytes | None:
+    def _interpret(self, start: float, data: bytes) -> Any:
         """Let the interpreter take bytes in; return the request that the last one completes."""
         orphan = self._count_orphans(len(data))
         line = self._splitter.take(data)
@@ -187,7 +183,7 @@ class Uart:
         self._unheard = orphan
         if self._faulty and self.faults.on_request(start):
             self._reset(start)
-            return _RESTART
+            return self.dialect.restart
         return line
 
     def _count_orphans(self, count: int) -> bool:
@@ -203,6 +199,15 @@ class Uart:
         if self._faulty:
             data = self.faults.on_reply(executed, data)
         self._say(data, executed + self.busy)
+
+    def send_later(self, data: bytes, executed: float, seconds: float) -> None:
+        """Queue more of the latest reply, which the interpreter is busy with for so long.
+
+        It comes to no other request meanwhile. On a line that takes no time this takes none.
+        """
+        self.interpreter_free = executed + (on_grid(seconds) if self._baud else 0.0)
+        if not self._unheard:
+            self._say(data, self.interpreter_free)
 
     def sent(self, now: float, limit: int | None = None) -> bytes:
         """Take the bytes, at most `limit`, that have reached the client by now."""
@@ -239,7 +244,9 @@ class Uart:
         if self._held:
             request = self.interpreter_free
         elif self._receiving.data:
-            request = self._receiving.line_due()
+            data = self._receiving.data
+            size = self._splitter.end(data, len(data))
+            request = self._receiving.due(size) if size else None
         moment = self.faults.next_moment() if self._faulty else None
         if request is None or moment is None:
             return moment if request is None else request
@@ -268,7 +275,8 @@ class Uart:
     def silent(self, now: float) -> bool:
         """Tell whether nothing is held or on its way, and whatever follows is plain exchanges."""
         free = max(self.receiver_free, self.interpreter_free, self.sender_free) <= now
-        return self._plain and free and self.idle and not self._orphans and self._splitter.empty
+        empty = getattr(self._splitter, "empty", False)
+        return self._plain and free and self.idle and not self._orphans and empty
 
     def silent_since(self, receiver: float, interpreter: float, sender: float) -> None:
         """Take note of exchanges that are over; see the attributes of the class."""
@@ -298,7 +306,7 @@ class Uart:
 
     def _say(self, data: bytes, start: float) -> None:
         """Queue bytes for the client, to begin at a time if the line is free."""
-        if len(self._sending.data) + len(data) > SEND_LIMIT:
+        if len(self._sending.data) + len(data) > self.dialect.send_limit:
             self.unsent += len(data)
             return
         start = max(self.sender_free, start)
@@ -332,7 +340,7 @@ class Uart:
         items = [(start + on_grid(character.start) + each, character.byte) for character in heard]
         return items, start + on_grid(len(data) * sender.frame / sender.baud)
 
-    def _happen(self) -> Iterator[tuple[float, bytes]]:
+    def _happen(self) -> Iterator[Due]:
         """Return the next fault that has a time of its own."""
         when, said, starts_again = self.faults.take_moment()
         if said:
@@ -340,7 +348,7 @@ class Uart:
         if starts_again:
             self._reset(when)
             self._unheard = False
-            yield when, _RESTART
+            yield when, self.dialect.restart
 
     def _reset(self, when: float) -> None:
         """Start the robot again: what it holds and what it has not said yet is lost."""

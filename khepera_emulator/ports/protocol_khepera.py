@@ -67,18 +67,14 @@ class Serial(SerialBase):
         from khepera_protocol.options import OptionError
 
         from khepera_emulator.errors import EmulatorError
+        from khepera_emulator.robot.emulator import make_robots
         from khepera_emulator.robot.options import AUTO, UrlOptions
-        from khepera_emulator.world.bullet import load_physics
 
         url = str(self.portstr)
         try:
-            load_physics()
-            from khepera_emulator.robot.emulator import make_fleet
-
             options = UrlOptions.from_url(url)
+            self.emulator = make_robots(options.setups(self.allowed))[options.robot - 1]
             self._follows = options.baud == AUTO
-            setup = options.setup(self.allowed)
-            self.emulator = make_fleet(setup, options.robots)[options.robot - 1]
         except (EmulatorError, OptionError) as error:
             raise SerialException(f"{printable(url, 100)}: {printable(str(error), 1000)}") from None
         self.is_open = True
@@ -202,7 +198,7 @@ class Serial(SerialBase):
         # without waiting a tenth of a millisecond passes, so that polling gets somewhere
         timeout = self.timeout
         self._wait = None if timeout is None else on_grid(max(timeout, _POLL_TIME))
-        if not self.is_open:
+        if not self.is_open or not self.emulator.uart.dialect.serial:
             return
         uart = self.emulator.uart
         if self._follows:

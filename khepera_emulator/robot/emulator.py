@@ -7,29 +7,31 @@ it passes for all of them when it passes for one.
 """
 
 import logging
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from khepera_protocol.serial.errors import RequestError
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import Outline, Pose, Reset, Truth
+from khepera_protocol.zenoh.payloads import FaultsOn, FaultSwitch, Outline, Pose, Push, Reset, Truth
 
 from khepera_emulator.body.drift import draw_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import Happening
+from khepera_emulator.line.fault_text import MOST_FAULTS, parse_fault
 from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
 from khepera_emulator.robot.ailments import Ailments
 from khepera_emulator.robot.compiled.watcher import Until, Watched, Watcher
-from khepera_emulator.robot.equipment import Equipment
-from khepera_emulator.robot.firmware import Firmware
 from khepera_emulator.robot.fleet import Fleet
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.kind import Berth, Console, kind_of
+from khepera_emulator.robot.rolling import Rolling
 from khepera_emulator.robot.setup import Setup as Setup
 from khepera_emulator.senses.camera import OmniCamera
 from khepera_emulator.senses.renderers.view import Image
 from khepera_emulator.world.free_space import Gap, anywhere, check_room, pose_of, random_pose
 from khepera_emulator.world.outline import outline
+from khepera_emulator.world.solids import Footprint
 
 _log = logging.getLogger(__name__)
 
@@ -75,16 +77,17 @@ class Emulator:
 
     def __init__(self, setup: Setup, fleet: Fleet | None = None) -> None:
         self.setup = setup
-        self.uart = Uart(setup.baud, Faults(setup.faults, tell=_log_fault))
+        self._kind = kind_of(setup.model)
+        dialect = self._kind.dialect(setup.model, setup.choices)
+        self.uart = Uart(setup.baud, Faults(setup.faults, tell=_log_fault), dialect)
         self.now = 0.0
-        self._fleet = fleet or Fleet(setup.arena, setup.model.radius)
+        self._fleet = fleet or Fleet(setup.arena, setup.model.radius, rigid=setup.rigid)
         self._number = len(self._fleet.members)
-        self._equipment = Equipment(
-            setup.turrets, setup.choices, self._fleet.radio, self._number + 1
-        )
         self._next_rate: int | None = None
+        self._later: list[tuple[float, bytes]] = []
         self._refusals = 0
         self._watcher: Watcher | None = None
+        self._ailments: Ailments | None = None
         streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
         self._drift = draw_drift(setup.drift, setup.model.wheel_base, streams.making)
@@ -97,7 +100,7 @@ class Emulator:
         self._fleet.join(self)
 
     def close(self) -> None:
-        """Give back the physics client, which is that of the whole fleet."""
+        """Give back the world, which is that of the whole fleet."""
         self._fleet.close()
 
     @property
@@ -106,9 +109,14 @@ class Emulator:
         return self._fleet
 
     @property
-    def robot(self) -> Robot:
-        """The robot, as its firmware finds it; another one after a seeded reset."""
+    def robot(self) -> Any:
+        """The robot of its kind, as its firmware finds it; another one after a seeded reset."""
         return self._robot
+
+    @property
+    def radius(self) -> float:
+        """Of its body, in metres."""
+        return self.setup.model.radius
 
     def write(self, data: bytes) -> None:
         """Put bytes of the client on the line, now."""
@@ -138,7 +146,7 @@ class Emulator:
         """Let time pass to a moment of the line, which is on the grid; see `advance`."""
         self._fleet.advance(moment if moment > self.now else self.now)
 
-    def execute(self, line: bytes, moment: float) -> None:
+    def execute(self, line: Any, moment: float) -> None:
         """Carry out a request that has arrived at a moment; the reply goes on the line."""
         panel = self._robot.panel
         reply = self._firmware.execute(line)
@@ -146,6 +154,9 @@ class Emulator:
             # it has started again, and its banner comes at the rate of its jumpers
             self.uart.use_rate(None)
         self.uart.send(reply, moment)
+        for seconds, more in self._later:
+            self.uart.send_later(more, moment, seconds)
+        self._later.clear()
         self._robot.heard()
         if self._next_rate is not None:
             self.uart.use_rate(self._next_rate)
@@ -164,6 +175,9 @@ class Emulator:
 
     def _change_rate(self, rate: int) -> None:
         self._next_rate = rate  # the reply to the change still goes out at the rate before
+
+    def _say_later(self, seconds: float, data: bytes) -> None:
+        self._later.append((seconds, data))
 
     def _log_refusal(self, line: bytes, error: RequestError) -> None:
         self._refusals += 1
@@ -201,12 +215,48 @@ class Emulator:
             EmulatorError: the pose is not free, or no free one was found; nothing has changed.
         """
         if reset.seed is None:
-            pose = self._choose(reset, self._fleet.gap(self._robot.chassis), self._streams)
+            pose = self._choose(reset, self._gap(self._robot.chassis), self._streams)
             self.uart.clear()
             self._robot.put_down(pose)
         else:
             self._reset_world(reset, reset.seed)
         return self.truth()
+
+    @property
+    def arrangement(self) -> tuple[tuple[float, float, float], ...]:
+        """Places and headings of the things that robots can push; other ones once they moved."""
+        things = self._fleet.world.things
+        return tuple((each.footprint.x, each.footprint.y, each.heading) for each in things)
+
+    def push(self, push: Push) -> Outline:
+        """Put a thing somewhere else, at rest; everything else stays as it is.
+
+        Raises:
+            EmulatorError: there is no such thing, a robot holds it, or the place is not free.
+        """
+        self._fleet.push(push.thing, push.x, push.y)
+        return self.outline()
+
+    def switch_faults(self, switch: FaultSwitch) -> FaultsOn:
+        """Switch faults of the robot and its line on and off.
+
+        Raises:
+            EmulatorError: one of them is no fault, or there are too many; nothing has changed.
+        """
+        faults = self.uart.faults
+        new = [parse_fault(spec) for spec in switch.on]
+        if len(new) + faults.count > MOST_FAULTS:
+            raise EmulatorError(f"a robot has {MOST_FAULTS:,} faults at most")
+        for kind in switch.off:
+            faults.switch_off(kind)
+        for fault in new:
+            faults.switch_on(fault, self.now)
+        self.uart.note_faults()
+        if faults.befall_robots and self._ailments is None:
+            # what it began to feel counts from the robot's time 0
+            self._ailments = Ailments(faults, self.now - self._robot.time)
+            self._robot.ailments = self._ailments
+        return FaultsOn(kinds=faults.kinds)
 
     def put_anew(self, seed: int) -> None:
         """Be put at the start of a world that was made anew, all chance anew from a seed."""
@@ -235,8 +285,11 @@ class Emulator:
         check_room(pose, gap, inside)
         return pose
 
+    def _gap(self, own: Footprint | None = None) -> Gap:
+        return self._fleet.gap(self.radius, own)
+
     def _find_start(self, rng: np.random.Generator) -> Pose:
-        arena, gap = self.setup.arena, self._fleet.gap()
+        arena, gap = self.setup.arena, self._gap()
         starts = [arena.start, *arena.starts]
         if self._number >= len(starts):
             return random_pose(arena.free, gap, rng, self._fleet.enclosure.holds)
@@ -251,17 +304,22 @@ class Emulator:
         self.uart.faults.begin(int(streams.line.integers(2**63)), self.now)
         ails = self.uart.faults.befall_robots
         self._ailments = Ailments(self.uart.faults, self.now) if ails else None
-        self._robot = Robot(
+        berth = Berth(
             world,
             setup.model,
             pose,
             self._drift,
             streams.driving,
-            self._equipment,
+            setup.choices,
+            setup.turrets,
             setup.dead_man,
             self._ailments,
+            self._fleet.radio,
+            self._number + 1,
         )
-        self._firmware = Firmware(self._robot, self._change_rate, self._log_refusal)
+        self._robot: Rolling = self._kind.robot(berth)
+        console = Console(self._change_rate, self._log_refusal, self._say_later)
+        self._firmware = self._kind.firmware(self._robot, console)
         self._camera: OmniCamera | None = None
 
     def _view(self) -> Pose:
@@ -288,14 +346,20 @@ class Emulator:
 
 
 def make_fleet(setup: Setup, size: int) -> list[Emulator]:
+    """Make robots of one model that share one world; see `make_robots`."""
+    return make_robots([setup] * size)
+
+
+def make_robots(setups: Sequence[Setup]) -> list[Emulator]:
     """Make robots that share one world; the first is as one alone with the same seed would be.
 
     Args:
-        setup: what each is made from; each has a drift and chance of its own.
-        size: how many.
+        setups: what each is made from; each has a drift and chance of its own. Their world is that
+            of the first one.
 
     Raises:
         EmulatorError: there is no room for so many.
     """
-    fleet = Fleet(setup.arena, setup.model.radius, size)
-    return [Emulator(setup, fleet) for _ in range(size)]
+    radius = max(setup.model.radius for setup in setups)
+    fleet = Fleet(setups[0].arena, radius, len(setups), rigid=setups[0].rigid)
+    return [Emulator(setup, fleet) for setup in setups]

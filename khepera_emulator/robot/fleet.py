@@ -1,21 +1,23 @@
-"""The emulated robots of one world: their common time, and one physics client."""
+"""The emulated robots of one world, and their common time."""
 
 from collections.abc import Iterator
 from functools import cached_property
 from heapq import merge
-from typing import Protocol
+from math import hypot
+from typing import Any, Protocol
 
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.zenoh.payloads import Pose
 
 from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.periods import is_moving, run_periods
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.rolling import Rolling
 from khepera_emulator.turrets.radio import RadioMedium
 from khepera_emulator.world.enclosure import Enclosure
 from khepera_emulator.world.floor_plan import Surroundings
-from khepera_emulator.world.free_space import Gap
+from khepera_emulator.world.free_space import Gap, check_room
 from khepera_emulator.world.solids import Disc, Footprint, footprint
 from khepera_emulator.world.world import World
 
@@ -28,10 +30,14 @@ class Member(Protocol):
     start_pose: Pose
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Any:
         """The robot, as its firmware finds it."""
 
-    def execute(self, line: bytes, moment: float) -> None:
+    @property
+    def radius(self) -> float:
+        """Of its body, in metres."""
+
+    def execute(self, line: Any, moment: float) -> None:
         """Carry out a request."""
 
     def put_anew(self, seed: int) -> None:
@@ -43,8 +49,9 @@ class Fleet:
 
     Args:
         arena: where they are.
-        radius: of their bodies, in metres.
+        radius: of the widest of their bodies, in metres.
         size: how many they will be.
+        rigid: whether they are rigid bodies all the time; see `world.World`.
 
     Attributes:
         now: time that everything has been brought to, in seconds; a multiple of `uart.GRID`.
@@ -54,20 +61,20 @@ class Fleet:
         power_time: when control periods began to be counted.
     """
 
-    def __init__(self, arena: Arena, radius: float, size: int = 1) -> None:
+    def __init__(self, arena: Arena, radius: float, size: int = 1, *, rigid: bool = False) -> None:
         self.now = 0.0
         self.members: list[Member] = []
         self.radio = RadioMedium()
         self._arena = arena
         self._radius = radius
-        self._shared = size > 1
-        self.world = World(arena, shared=self._shared)
-        self._robots: list[Robot] = []
+        self._shared, self._rigid = size > 1, rigid
+        self.world = self._make_world()
+        self._robots: list[Rolling] = []
         self.power_time = 0.0
         self._ticks = 0
 
     def close(self) -> None:
-        """Give back the physics client."""
+        """Give back the world."""
         self.world.close()
 
     @property
@@ -85,7 +92,7 @@ class Fleet:
 
         Control periods are counted from now.
         """
-        before, self.world = self.world, World(self._arena, shared=self._shared)
+        before, self.world = self.world, self._make_world()
         before.close()
         self.power_time = self.now
         self._ticks = 0
@@ -123,23 +130,61 @@ class Fleet:
         member.now = self.now = now
         self._ticks = ticks
 
-    def gap(self, own: Footprint | None = None) -> Gap:
-        """Return distances from a robot's body to the nearest thing, as everything stands now."""
+    def gap(self, radius: float, own: Footprint | None = None) -> Gap:
+        """Return distances from a robot's body to the nearest thing, as everything stands now.
+
+        Args:
+            radius: of that body.
+            own: that body, if it is in the world already.
+        """
         scene = self.world.scene(own)
-        return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+        return lambda pose: scene.clearance(pose.x, pose.y) - radius
 
     def gap_at_start(self, own: Member) -> Gap:
         """Return the same with all things, and all robots but one, where they start."""
-        starts = [each.start_pose for each in self.members if each is not own]
+        starts = [(each.start_pose, each.radius) for each in self.members if each is not own]
         movers: list[Footprint] = [footprint(part) for part in self._arena.object]
-        movers += [Disc(pose.x, pose.y, self._radius, 0.0) for pose in starts]
+        movers += [Disc(pose.x, pose.y, radius, 0.0) for pose, radius in starts]
         scene = Surroundings(self.world.plan, movers)
-        return lambda pose: scene.clearance(pose.x, pose.y) - self._radius
+        return lambda pose: scene.clearance(pose.x, pose.y) - own.radius
+
+    def push(self, number: int, x: float, y: float) -> None:
+        """Put a thing somewhere else, at rest; metres.
+
+        Raises:
+            EmulatorError: there is no such thing, a robot holds it, or the place is not free.
+        """
+        things = self.world.things
+        if number >= len(things):
+            there = f"there are {len(things)}, from 0 on" if things else "there are none"
+            raise EmulatorError(f"there is no thing {number} to push: {there}")
+        thing = things[number]
+        if thing.footprint not in self.world.movers:
+            raise EmulatorError(f"the thing {number} is held by a robot")
+        place = Pose(x=x, y=y, heading=0.0)
+        scene = self.world.scene(thing.footprint)
+        # of a shared world they are in the scene
+        others = [] if self._shared else self.members
+        poses = [(each.robot.chassis.pose, each.radius) for each in others]
+        bodies = [hypot(x - pose.x, y - pose.y) - radius for pose, radius in poses]
+        own = thing.footprint
+        reach = max(hypot(cx - own.x, cy - own.y) for cx, cy in own.corners())
+        check_room(
+            place,
+            lambda _: min([scene.clearance(x, y), *bodies]) - reach,
+            self.enclosure.holds,
+            what=f"the thing {number}",
+        )
+        thing.place(x, y)
+        self.world.arrangement += 1
 
     @cached_property
     def enclosure(self) -> Enclosure:
         """The inside of the arena."""
         return Enclosure(self.world.plan, self._arena.start, self._radius)
+
+    def _make_world(self) -> World:
+        return World(self._arena, shared=self._shared, rigid=self._rigid)
 
     def _drive(self, until: float) -> None:
         due = int((until - self.power_time) / CONTROL_PERIOD + 1e-6)
@@ -148,6 +193,6 @@ class Fleet:
             run_periods(self.world, self._robots, due)
 
 
-def _numbered(number: int, member: Member, until: float) -> Iterator[tuple[float, int, bytes]]:
+def _numbered(number: int, member: Member, until: float) -> Iterator[tuple[float, int, Any]]:
     for moment, line in member.uart.requests(until):
         yield moment, number, line

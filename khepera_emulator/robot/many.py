@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.clock import on_grid
-from khepera_emulator.robot.choices import Choices
 from khepera_emulator.robot.compiled.layout import Arcs, Tally
 from khepera_emulator.robot.compiled.packing import Packed, line_of, stage_of
 from khepera_emulator.robot.emulator import Emulator
+from khepera_emulator.robot.khepera.choices import Choices
+from khepera_emulator.robot.khepera.robot import Robot
 from khepera_emulator.robot.setup import Setup
 from khepera_emulator.senses.camera import OmniCamera
 from khepera_emulator.senses.renderers.view import Image
@@ -67,6 +68,8 @@ class Many:
         self._kernel: Any = load(_KERNEL)
         self._emulator = emulator = Emulator(setup)
         world, robot = emulator.fleet.world, emulator.robot
+        if not isinstance(robot, Robot):
+            raise EmulatorError("many robots at once are Kheperas; make others one by one")
         self._gap, self._inside = (
             emulator.fleet.gap_at_start(emulator),
             emulator.fleet.enclosure.holds,
@@ -292,7 +295,8 @@ def _check(setup: Setup) -> None:
         "turrets": setup.turrets,
         "faults": setup.faults,
         "a dead man's switch": setup.dead_man is not None,
-        "choices of the firmware": setup.choices != Choices(),
+        "choices of the firmware": setup.choices not in (None, Choices()),
+        "a rigid body": setup.rigid,
         "a slow line": setup.baud is not None and setup.baud < _SLOWEST,
     }
     found = [name for name, there in more.items() if there]

@@ -6,6 +6,8 @@ header of a wire log and the pages of the reference follow from this model.
 
 import re
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+from enum import StrEnum
 from typing import Annotated, Final, Self
 from urllib.parse import parse_qsl, quote, unquote, urlencode
 
@@ -26,9 +28,8 @@ from khepera_emulator.body.drift import DEFAULT_DRIFT, parse_drift
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.line.fault import FAULTS, split_kind
 from khepera_emulator.line.fault_text import parse_faults
-from khepera_emulator.line.uart import FIRST_RATE
 from khepera_emulator.models import KHEPERA, MODELS, find_model
-from khepera_emulator.robot.choices import option_names, parse_choices
+from khepera_emulator.robot.kind import all_profiles, all_switches, choose, kind_of
 from khepera_emulator.robot.setup import DEFAULT_SEED, Setup
 from khepera_emulator.turrets.catalogue import TURRET_CLASSES, find_turrets
 
@@ -47,6 +48,13 @@ AUTO, UNPACED = "auto", "unpaced"
 """Rates of a line: that of the client, and none."""
 
 
+class Physics(StrEnum):
+    """Ways of moving robots."""
+
+    AUTO = "auto"
+    PYBULLET = "pybullet"
+
+
 class RobotOptions(BaseModel):
     """Everything that emulated robots are made from."""
 
@@ -58,7 +66,9 @@ class RobotOptions(BaseModel):
         description="Name of an arena (see `arenas`), or path of a TOML file.",
     )
     model: Annotated[str, Cli(names=MODELS.names)] = Field(
-        default=KHEPERA.name, description="Robot: {names}; or file.py:MODEL."
+        default=KHEPERA.name,
+        description="Robot: {names}; or file.py:MODEL; with --robots several, separated by commas,"
+        " in turn.",
     )
     seed: int = Field(
         default=DEFAULT_SEED, ge=0, le=HIGHEST_SEED, description="Seed for all randomness."
@@ -68,10 +78,15 @@ class RobotOptions(BaseModel):
         description="How far real motion differs from the encoders: none, default, strong,"
         " or items such as scale=0.01,slip=0.05.",
     )
+    physics: Physics = Field(
+        default=Physics.AUTO,
+        description="Motion of the robots: auto, exact arithmetic, and PyBullet where something can"
+        " be pushed; pybullet, rigid bodies in it all the time (see docs/physics.md).",
+    )
     baud: Annotated[str, Cli(metavar="auto|unpaced|N")] = Field(
         default=AUTO,
-        description="Rate of the line: the one the client has set; none, the line takes no time;"
-        " or a number of bits a second: clients at another rate read and send garbage.",
+        description="Rate of the line: auto, the one the client has set; unpaced, the line takes no"
+        " time; or a number of bits a second: clients at another rate read and send garbage.",
     )
     fault: Annotated[tuple[str, ...], Cli(metavar="SPEC", names=FAULTS.names)] = Field(
         default=(),
@@ -81,10 +96,13 @@ class RobotOptions(BaseModel):
     turret: Annotated[tuple[str, ...], Cli(metavar="NAME", names=TURRET_CLASSES.names)] = Field(
         default=(), description="A turret to mount: {names}; or file.py:Class; repeatable."
     )
-    firmware: Annotated[tuple[str, ...], Cli(metavar="NAME[=VALUE]", names=option_names)] = Field(
+    firmware: Annotated[tuple[str, ...], Cli(metavar="NAME[=VALUE]", names=all_switches)] = Field(
         default=(),
-        description="A choice where sources differ: {names} (see docs/khepera-choices.md);"
-        " repeatable.",
+        description="A choice where sources differ: {names} (see docs/khepera-choices.md and"
+        " docs/epuck.md); repeatable.",
+    )
+    profile: Annotated[str, Cli(metavar="NAME", names=all_profiles)] = Field(
+        default="", description="Firmware of an e-puck: {names} (see docs/epuck.md)."
     )
     dead_man: Annotated[float | None, Cli(metavar="SECONDS")] = Field(
         default=None,
@@ -109,7 +127,11 @@ class RobotOptions(BaseModel):
         raise ValueError(f"{quoted(text)} is no rate; give auto, unpaced, or a rate such as 38400")
 
     def setup(self, allowed: Collection[str] | None = None) -> Setup:
-        """Read what the options name.
+        """Read what the options name, for the first robot; see `setups`."""
+        return self.setups(allowed)[0]
+
+    def setups(self, allowed: Collection[str] | None = None) -> list[Setup]:
+        """Read what the options name, for each robot.
 
         Args:
             allowed: parts named by a file or module that may be used, where the options come from
@@ -125,27 +147,44 @@ class RobotOptions(BaseModel):
                     " made; allow that with `replay --allow` and just this name, or name a part"
                     " of an installed distribution"
                 )
-        return Setup(
+        models = [find_model(name) for name in self._models()]
+        turrets = find_turrets(self.turret)
+        kinds = [kind_of(model) for model in models]
+        if turrets and not any(kind.turrets for kind in kinds):
+            raise EmulatorError(f"{kinds[0].title} carry no turrets")
+        choices = choose(models, self.firmware, self.profile)
+        same = Setup(
             arena=load_arena(self.arena),
-            model=find_model(self.model),
             drift=parse_drift(self.drift),
             seed=self.seed,
-            baud=self._first_rate(),
             faults=parse_faults(self.fault),
-            turrets=find_turrets(self.turret),
-            choices=parse_choices(self.firmware),
             dead_man=self.dead_man,
+            rigid=self.physics is Physics.PYBULLET,
         )
+        made = [
+            replace(
+                same,
+                model=model,
+                choices=chosen,
+                baud=self._first_rate(kind.dialect(model, chosen).first_rate),
+                turrets=turrets if kind.turrets else (),
+            )
+            for model, kind, chosen in zip(models, kinds, choices, strict=True)
+        ]
+        return [made[number % len(made)] for number in range(self.robots)]
+
+    def _models(self) -> list[str]:
+        return self.model.split(",")
 
     def _own_code(self) -> list[str]:
         """Return the parts that are named by a file or module."""
         faults = [split_kind(text)[0] for text in self.fault]
-        return [name for name in (self.model, *self.turret, *faults) if is_own_code(name)]
+        return [name for name in (*self._models(), *self.turret, *faults) if is_own_code(name)]
 
-    def _first_rate(self) -> int | None:
+    def _first_rate(self, usual: int) -> int | None:
         if self.baud == UNPACED:
             return None
-        return FIRST_RATE if self.baud == AUTO else int(self.baud)
+        return usual if self.baud == AUTO else int(self.baud)
 
 
 class UrlOptions(RobotOptions):

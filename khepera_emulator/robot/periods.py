@@ -7,16 +7,16 @@ everything, exactly. Robots that do not take part in the dynamics are shown to t
 
 from collections.abc import Sequence
 
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.rolling import Rolling
 from khepera_emulator.world.world import World
 
 
-def is_moving(world: World, robots: Sequence[Robot]) -> bool:
+def is_moving(world: World, robots: Sequence[Rolling]) -> bool:
     """Tell whether any robot's wheels turn or are driven, or something slides or rolls."""
     return any(robot.moving for robot in robots) or world.restless
 
 
-def run_periods(world: World, robots: Sequence[Robot], ticks: int) -> None:
+def run_periods(world: World, robots: Sequence[Rolling], ticks: int) -> None:
     """Let control periods pass up to the given number since the robots were made.
 
     Args:
@@ -24,7 +24,7 @@ def run_periods(world: World, robots: Sequence[Robot], ticks: int) -> None:
         robots: all of them, in the order in which each takes every step.
         ticks: number of the last period.
     """
-    if len(robots) == 1 and not world.things:
+    if len(robots) == 1 and world.dynamics is None:
         robots[0].run(ticks)
         return
     while robots[0].ticks < ticks:
@@ -35,7 +35,7 @@ def run_periods(world: World, robots: Sequence[Robot], ticks: int) -> None:
         _period(world, robots)
 
 
-def _period(world: World, robots: Sequence[Robot]) -> None:
+def _period(world: World, robots: Sequence[Rolling]) -> None:
     world.neighbours.period += 1
     for robot in robots:
         robot.aim()

@@ -22,7 +22,7 @@ from khepera_protocol.serial.units import PULSE, WHEEL_BASE
 from khepera_protocol.zenoh.payloads import Outline, Pose, WheelDrift
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.models import MODELS, Model, find_model
+from khepera_emulator.models import MODELS, KheperaModel, find_model
 from khepera_emulator.routes.feelers import Feelers, Flags, Indices, Poses, solids_of
 from khepera_emulator.world.rays import Array
 
@@ -210,8 +210,9 @@ class Oracle:
         return _Layer(reached, before, command)
 
 
-def _model_of(radius: float) -> Model:
-    models = [find_model(name) for name in MODELS.names()]
+def _model_of(radius: float) -> KheperaModel:
+    found = [find_model(name) for name in MODELS.names()]
+    models = [model for model in found if isinstance(model, KheperaModel)]
     for model in models:
         if abs(model.radius - radius) < _EQUAL:
             return model

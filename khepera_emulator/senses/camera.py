@@ -14,8 +14,7 @@ from khepera_protocol.zenoh.payloads import Pose
 from numpy.typing import NDArray
 
 from khepera_emulator.body.chassis import Chassis
-from khepera_emulator.senses.renderers.faces import FacesRenderer
-from khepera_emulator.senses.renderers.skyline import SkylineRenderer, suits
+from khepera_emulator.senses.renderers.layered import LayeredRenderer
 from khepera_emulator.senses.renderers.view import Image, Renderer
 from khepera_emulator.world.world import World
 
@@ -29,7 +28,7 @@ _NOISE_POOL = 1 << 20
 
 
 class OmniCamera:
-    """Camera on a robot's back, in the physics client of its world.
+    """Camera on a robot's back.
 
     Args:
         world: what is seen.
@@ -37,7 +36,7 @@ class OmniCamera:
         mirror: geometry of the mirror image.
         noise: standard deviation in grey levels.
         carrier: the robot's body, which its camera does not see; others see it.
-        renderer: what draws; none: the fastest one that draws all there is.
+        renderer: what draws; none: the emulator's own.
 
     Attributes:
         rng: source of its noise.
@@ -52,10 +51,9 @@ class OmniCamera:
         carrier: Chassis | None = None,
         renderer: Renderer | None = None,
     ) -> None:
-        self._world = world
-        # alone in a world a body has no looks
-        self._carrier = carrier if world.shared else None
-        self._renderer = renderer or _renderer(world, mirror)
+        self._renderer = renderer or LayeredRenderer(
+            world, HEIGHT, mirror.low, mirror.high, carrier
+        )
         self._mirror_map = self._look_up(*_mirror_rays(mirror))
         self._panorama_map = self._look_up(*_panorama_rays(mirror))
         self._inside = _inside(mirror)
@@ -72,13 +70,7 @@ class OmniCamera:
         return self._grain(self._remap(pose, self._panorama_map))
 
     def _remap(self, pose: Pose, maps: tuple[NDArray[np.int16], NDArray[np.uint16]]) -> Image:
-        if self._carrier is None:
-            atlas = self._renderer.render(pose)
-        else:
-            self._world.show_robots()
-            self._carrier.paint(visible=False)
-            atlas = self._renderer.render(pose)
-            self._carrier.paint(visible=True)
+        atlas = self._renderer.render(pose)
         picture = cv2.remap(atlas, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
         return np.asarray(picture, dtype=np.uint8)
 
@@ -97,12 +89,6 @@ class OmniCamera:
         start = int(self.rng.integers(len(self._noise) - image.size))
         grain = self._noise[start : start + image.size].reshape(image.shape)
         return np.asarray(cv2.add(image, grain, dtype=cv2.CV_8U), dtype=np.uint8)
-
-
-def _renderer(world: World, mirror: Mirror) -> Renderer:
-    if not world.shared and suits(world.arena, HEIGHT):
-        return SkylineRenderer(world.arena, HEIGHT, mirror.low, mirror.high)
-    return FacesRenderer(world, HEIGHT, mirror.low, mirror.high)
 
 
 def _mirror_rays(mirror: Mirror) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

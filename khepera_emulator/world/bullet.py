@@ -1,10 +1,11 @@
 """Loading PyBullet, without its greeting."""
 
-import logging
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from platform import machine
 from typing import Final
 
 from khepera_protocol.extras import how_to_install
@@ -13,25 +14,38 @@ from khepera_emulator.errors import EmulatorError
 
 _STDERR: Final = 2
 
-_log = logging.getLogger(__name__)
+
+WHEELS: Final = {("linux", "x86_64"), ("darwin", "arm64"), ("win32", "AMD64")}
+"""Systems and processors that wheels of PyBullet, or of its fork, are there for."""
+
+_FIRST_WITHOUT: Final = (3, 14)
+"""The first CPython that has none."""
 
 
-def load_physics() -> None:
+def load_physics(reason: str) -> None:
     """Import PyBullet; its C code greets on the standard error output, which is closed to it.
+
+    Args:
+        reason: a clause that says why it is needed.
 
     Raises:
         EmulatorError: it is not installed.
     """
     with _silent():
         try:
-            import pybullet
+            import pybullet  # noqa: F401
         except ModuleNotFoundError:
-            raise EmulatorError(
-                "the emulator needs PyBullet; install the extra 'emulator' with:"
-                f" {how_to_install('emulator')}"
-            ) from None
-    if not pybullet.isNumpyEnabled():
-        _log.info("this PyBullet was built without NumPy: it draws things, not walls, more slowly")
+            raise EmulatorError(f"{reason}, for which PyBullet is missing; {_advice()}") from None
+
+
+def _advice() -> str:
+    if sys.version_info < _FIRST_WITHOUT and (sys.platform, machine()) in WHEELS:
+        return f"install the extra 'emulator' with: {how_to_install('emulator')}"
+    return (
+        f"there is none for CPython {sys.version_info[0]}.{sys.version_info[1]} on"
+        f" {sys.platform} {machine()}: take CPython 3.11 to 3.13 on x86_64 Linux, or one robot in"
+        " an arena of walls and posts"
+    )
 
 
 @contextmanager

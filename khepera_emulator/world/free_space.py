@@ -29,13 +29,14 @@ def pose_of(start: Start) -> Pose:
     return Pose(x=start.x, y=start.y, heading=radians(start.heading))
 
 
-def check_room(pose: Pose, gap: Gap, inside: Inside = anywhere) -> None:
-    """See that a robot can be put down at a pose.
+def check_room(pose: Pose, gap: Gap, inside: Inside = anywhere, what: str = "the robot") -> None:
+    """See that a robot, or a thing, can be put down at a pose.
 
     Args:
         pose: where.
         gap: room that there is.
         inside: tells which places are inside the walls.
+        what: is put down, for the error.
 
     Raises:
         EmulatorError: it is beyond all bounds, outside the walls, or something is there.
@@ -54,7 +55,7 @@ def check_room(pose: Pose, gap: Gap, inside: Inside = anywhere) -> None:
     if not inside(pose.x, pose.y):
         raise EmulatorError(f"{place} is outside the walls of the arena")
     if gap(pose) <= 0.0:
-        raise EmulatorError(f"no room for the robot at {place}: something is there")
+        raise EmulatorError(f"no room for {what} at {place}: something is there")
 
 
 def random_pose(

@@ -34,10 +34,12 @@ def outline(arena: Arena, model: Model, places: Iterable[Disc | Brick] | None = 
         Solid(corners=place.corners(), colour=part.colour)
         for part, place in zip(arena.object, places, strict=True)
     ]
+    solids = (walls + posts + things)[:MOST_SOLIDS]
     return Outline(
         title=arena.title[:MOST_TITLE],
         floor=arena.floor,
-        solids=(walls + posts + things)[:MOST_SOLIDS],
+        solids=solids,
         start=pose_of(arena.start),
         robot_radius=model.radius,
+        things=len(things) if len(solids) == len(walls) + len(posts) + len(things) else 0,
     )

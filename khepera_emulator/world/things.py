@@ -15,6 +15,10 @@ from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_emulator.arenas.arena import Movable
 from khepera_emulator.world.solids import Brick, footprint
 
+RAY_GROUP, SOLID_GROUP, BODY_GROUP, THING_GROUP, FLOOR_GROUP = 1, 2, 4, 8, 16
+"""Collision groups: wheels and casters touch the floor only, bodies and things the rest. The first
+is that of PyBullet's rays, which cannot be changed."""
+
 _GRAVITY = 9.81
 _UPRIGHT = 10.0
 """Inertia in kg m^2 against falling over: as good as infinite."""
@@ -57,6 +61,7 @@ class Thing:
         square = (width**2 + length**2) / 12 if part.size else (part.radius or 0.0) ** 2 / 2
         self._turn_braking = self._braking * arm / square
         self.body = self._build(self._mass * square)
+        self.let_touch(touch=True)
 
     def place(self, x: float, y: float) -> None:
         """Put it somewhere else, at rest; metres."""
@@ -70,6 +75,17 @@ class Thing:
             physicsClientId=self._client,
         )
         pybullet.resetBaseVelocity(self.body, [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
+
+    def let_touch(self, *, touch: bool) -> None:
+        """Let it meet bodies and rays, or let all pass it."""
+        mask = SOLID_GROUP | BODY_GROUP | THING_GROUP | RAY_GROUP
+        pybullet.setCollisionFilterGroupMask(
+            self.body,
+            -1,
+            THING_GROUP if touch else 0,
+            mask if touch else 0,
+            physicsClientId=self._client,
+        )
 
     def hold(self) -> None:
         """Hold it up for one step of the dynamics, in place of the floor."""

@@ -1,155 +1,63 @@
-"""The PyBullet world: one physics client, an arena's solids, and what they look like."""
+"""The world of robots: an arena, what moves in it, and the dynamics where something is pushed.
 
-from collections.abc import Iterator, Sequence
-from math import atan2
-from typing import NamedTuple, Protocol, TypeVar
-
-import numpy as np
-import pybullet
-from khepera_protocol.serial.units import CONTROL_PERIOD
-from numpy.typing import NDArray
-
-from khepera_emulator.arenas.arena import Arena, Cylinder, Lamp, Movable
-from khepera_emulator.errors import EmulatorError
-from khepera_emulator.world.floor_plan import FloorPlan, Scene, Surroundings
-from khepera_emulator.world.neighbours import Neighbours
-from khepera_emulator.world.solids import Box, Footprint
-from khepera_emulator.world.things import Thing
-
-PHYSICS_PERIOD = 0.005
-"""Seconds between two steps of the rigid-body dynamics; two fit a control period.
-
-Half of it changes a drive by 0.01 %, a turn by 0.1 degree in 860, and a slide along a wall by 2 %.
+Walls and posts need no dynamics: one robot among them goes by its own arithmetic, and PyBullet
+need not be there. Things to push, several robots, or the wish for rigid bodies alone bring it in.
 """
 
-RAY_GROUP, SOLID_GROUP, BODY_GROUP, THING_GROUP, FLOOR_GROUP = 1, 2, 4, 8, 16
-"""Collision groups: wheels and casters touch the floor only, bodies and things the rest. The first
-is that of PyBullet's rays, which cannot be changed."""
+from typing import TYPE_CHECKING, Protocol
 
-_T = TypeVar("_T")
+from khepera_emulator.arenas.arena import Arena
+from khepera_emulator.world.bullet import load_physics
+from khepera_emulator.world.floor_plan import FloorPlan, Scene, Surroundings
+from khepera_emulator.world.looks import Look, thing_look
+from khepera_emulator.world.neighbours import Neighbours
+from khepera_emulator.world.solids import Footprint
 
-_SUBSTEPS = round(CONTROL_PERIOD / PHYSICS_PERIOD)
-
-_MOST_PARTS = 16
-"""Shapes that one body may have, to touch or to look at: PyBullet crashes on more."""
-
-_BULB_RADIUS, _BULB_HEIGHT = 0.012, 0.075
-_BULB_COLOUR = (1.0, 0.95, 0.7, 1.0)
-
-_FLOOR_HALF = 11.0
-_FLOOR_THICKNESS = 0.1
-
-
-def _batched(parts: Sequence[_T], size: int) -> Iterator[Sequence[_T]]:
-    """Cut a sequence into pieces of a size; the last one may be shorter."""
-    return (parts[first : first + size] for first in range(0, len(parts), size))
-
-
-def _connect() -> int:
-    """Begin a physics client.
-
-    Raises:
-        EmulatorError: there are as many as PyBullet has room for.
-    """
-    client: int = pybullet.connect(pybullet.DIRECT)
-    if client < 0:
-        raise EmulatorError(
-            "PyBullet has no room for another world in this process; close some of its robots"
-        )
-    return client
-
-
-def hide(body: int, client: int, first: int = -1) -> None:
-    """Make links without visual shapes invisible: PyBullet would show their collision shapes.
-
-    Args:
-        body: whose links.
-        client: of the body.
-        first: the first of the links; -1 is the base.
-    """
-    for link in range(first, pybullet.getNumJoints(body, physicsClientId=client)):
-        pybullet.changeVisualShape(body, link, rgbaColor=[0, 0, 0, 0], physicsClientId=client)
-
-
-class _Part(NamedTuple):
-    """A wall's stretch or a post, as PyBullet wants it."""
-
-    kind: int
-    halves: list[float]
-    radius: float
-    height: float
-    place: list[float]
-    turn: list[float]
-    colour: tuple[float, float, float]
-
-
-def _box_part(box: Box) -> _Part:
-    halves = [box.half_length, box.half_thickness, box.height / 2]
-    turn = list(pybullet.getQuaternionFromEuler([0, 0, atan2(box.uy, box.ux)]))
-    place = [box.x, box.y, box.height / 2]
-    return _Part(pybullet.GEOM_BOX, halves, 0.0, 0.0, place, turn, box.colour)
-
-
-def _post_part(post: Cylinder) -> _Part:
-    place = [*post.centre, post.height / 2]
-    return _Part(
-        pybullet.GEOM_CYLINDER,
-        [0.0, 0.0, 0.0],
-        post.radius,
-        post.height,
-        place,
-        [0.0, 0.0, 0.0, 1.0],
-        post.colour,
-    )
+if TYPE_CHECKING:
+    from khepera_emulator.world.dynamics import Dynamics
+    from khepera_emulator.world.things import Thing
 
 
 class Shown(Protocol):
-    """A robot's rigid body, which is where the robot is when it is asked to.
-
-    Attributes:
-        body: its number in PyBullet.
-    """
-
-    body: int
+    """A robot's body, as others in its world see it and meet it."""
 
     def show(self) -> None:
         """Put the rigid body where the robot is."""
 
+    def looks(self) -> list[Look]:
+        """Return what it looks like, where it is."""
+
 
 class World:
-    """An arena in a PyBullet client of its own; close it at the end.
+    """An arena and what moves in it; close it at the end.
 
     Args:
         arena: what stands in it.
         shared: whether it is for more than one robot, who see and touch each other.
+        rigid: whether robots are rigid bodies in PyBullet all the time.
 
     Attributes:
         arena: what stands in it.
         shared: whether it is for more than one robot.
+        rigid: whether robots are rigid bodies all the time.
         plan: what stands still, from above, for rays and free space.
-        client: PyBullet's number of the physics client.
-        solids: bodies that hold all walls and posts.
+        dynamics: PyBullet's, where anything can be pushed; None where nothing can.
         things: what robots can push.
         movers: footprints of the things, and of all robots of a shared world.
         robots: the robots of a shared world.
         neighbours: the movers, by where they are.
+
+    Raises:
+        EmulatorError: it needs PyBullet, which is not installed or has no room.
     """
 
-    def __init__(self, arena: Arena, *, shared: bool = False) -> None:
+    def __init__(self, arena: Arena, *, shared: bool = False, rigid: bool = False) -> None:
         self.arena = arena
         self.shared = shared
+        self.rigid = rigid
         self.plan = FloorPlan(arena)
-        self.client = _connect()
-        pybullet.setGravity(0, 0, -9.81, physicsClientId=self.client)
-        pybullet.setTimeStep(PHYSICS_PERIOD, physicsClientId=self.client)
-        self.floor = self._add_floor()
-        # few bodies for everything that stands: the renderer's time grows with the bodies
-        parts = [_box_part(box) for box in self.plan.boxes]
-        parts += [_post_part(post) for post in arena.cylinder]
-        self.solids = [self._add_solid(each) for each in _batched(parts, _MOST_PARTS)]
-        for lamps in _batched(arena.lamp, _MOST_PARTS):
-            self._add_bulbs(lamps)
-        self.things = [self._add_thing(part) for part in arena.object]
+        self.dynamics = self._dynamics()
+        self.things: list[Thing] = [] if self.dynamics is None else self.dynamics.things
         self.movers: list[Footprint] = [thing.footprint for thing in self.things]
         self.robots: list[Shown] = []
         self.neighbours = Neighbours(self.movers)
@@ -166,40 +74,26 @@ class World:
         self.neighbours.forget()
 
     def close(self) -> None:
-        """End the physics client."""
-        if self.client >= 0:
-            pybullet.disconnect(self.client)
-            self.client = -1
-
-    def step(self) -> None:
-        """Let the dynamics advance by one `PHYSICS_PERIOD`."""
-        pybullet.stepSimulation(physicsClientId=self.client)
+        """End the dynamics."""
+        if self.dynamics is not None:
+            self.dynamics.close()
 
     def period(self) -> None:
-        """Let the dynamics advance by one control period."""
-        for _ in range(_SUBSTEPS):
-            for thing in self.things:
-                thing.hold()
-            self.step()
-            for thing in self.things:
-                thing.brake(PHYSICS_PERIOD)
+        """Let the dynamics, if there are any, advance by one control period."""
+        if self.dynamics is not None:
+            self.dynamics.period()
 
-    def lift(self, thing: Thing) -> None:
+    def lift(self, thing: "Thing") -> None:
         """Take a thing off the floor: nothing meets it and no ray hits it any more."""
         self.arrangement += 1
         self.movers.remove(thing.footprint)
-        self._let_touch(thing, touch=False)
+        thing.let_touch(touch=False)
 
-    def put(self, thing: Thing) -> None:
+    def put(self, thing: "Thing") -> None:
         """Put a lifted thing back on the floor, where it has been placed."""
         self.arrangement += 1
-        self._let_touch(thing, touch=True)
+        thing.let_touch(touch=True)
         self.movers.append(thing.footprint)
-
-    def show_robots(self) -> None:
-        """Put the rigid bodies of all robots where the robots are."""
-        for robot in self.robots:
-            robot.show()
 
     @property
     def restless(self) -> bool:
@@ -212,93 +106,24 @@ class World:
             return self.plan
         return Surroundings(self.plan, self.movers, own, self.neighbours.around)
 
-    def cast(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the fraction of each ray, from (N, 3) to (N, 3), that is free; 1 without a hit."""
-        hits = pybullet.rayTestBatch(start.tolist(), end.tolist(), physicsClientId=self.client)
-        return np.array([hit[2] for hit in hits])
+    def looks(self, own: Shown | None = None) -> list[Look]:
+        """Return what all that moves looks like, where it is, but for one's own body."""
+        looks = [thing_look(thing.part, thing.footprint) for thing in self.things]
+        for robot in self.robots:
+            if robot is not own:
+                looks += robot.looks()
+        return looks
 
-    def _add_floor(self) -> int:
-        half = [_FLOOR_HALF, _FLOOR_HALF, _FLOOR_THICKNESS / 2]
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client
-        )
-        floor: int = pybullet.createMultiBody(
-            0, shape, -1, [0, 0, -_FLOOR_THICKNESS / 2], physicsClientId=self.client
-        )
-        # the camera paints the floor, which would cost the renderer most
-        hide(floor, self.client)
-        pybullet.changeDynamics(
-            floor, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=self.client
-        )
-        pybullet.setCollisionFilterGroupMask(
-            floor, -1, FLOOR_GROUP, FLOOR_GROUP, physicsClientId=self.client
-        )
-        return floor
+    def _dynamics(self) -> "Dynamics | None":
+        if self.arena.object:
+            reason = "the arena has things to push"
+        elif self.shared:
+            reason = "robots in one arena push each other"
+        elif self.rigid:
+            reason = "with `physics` set to `pybullet` a robot is a rigid body"
+        else:
+            return None
+        load_physics(reason)
+        from khepera_emulator.world.dynamics import Dynamics
 
-    def _add_solid(self, parts: Sequence[_Part]) -> int:
-        """Make one body that stands still."""
-        kinds = [part.kind for part in parts]
-        halves = [part.halves for part in parts]
-        radii = [part.radius for part in parts]
-        heights = [part.height for part in parts]
-        places = [part.place for part in parts]
-        turns = [part.turn for part in parts]
-        shape = pybullet.createCollisionShapeArray(
-            shapeTypes=kinds,
-            halfExtents=halves,
-            radii=radii,
-            lengths=heights,
-            collisionFramePositions=places,
-            collisionFrameOrientations=turns,
-            physicsClientId=self.client,
-        )
-        look = pybullet.createVisualShapeArray(
-            shapeTypes=kinds,
-            halfExtents=halves,
-            radii=radii,
-            lengths=heights,
-            visualFramePositions=places,
-            visualFrameOrientations=turns,
-            rgbaColors=[[*part.colour, 1.0] for part in parts],
-            physicsClientId=self.client,
-        )
-        solid: int = pybullet.createMultiBody(0, shape, look, physicsClientId=self.client)
-        pybullet.changeDynamics(
-            solid, -1, lateralFriction=0.3, restitution=0.0, physicsClientId=self.client
-        )
-        pybullet.setCollisionFilterGroupMask(
-            solid,
-            -1,
-            SOLID_GROUP,
-            BODY_GROUP | THING_GROUP | RAY_GROUP,
-            physicsClientId=self.client,
-        )
-        return solid
-
-    def _add_bulbs(self, lamps: Sequence[Lamp]) -> None:
-        """Add one body that is seen and does not touch anything."""
-        count = len(lamps)
-        look = pybullet.createVisualShapeArray(
-            shapeTypes=[pybullet.GEOM_SPHERE] * count,
-            radii=[_BULB_RADIUS] * count,
-            visualFramePositions=[[*lamp.centre, _BULB_HEIGHT] for lamp in lamps],
-            rgbaColors=[_BULB_COLOUR] * count,
-            physicsClientId=self.client,
-        )
-        pybullet.createMultiBody(0, -1, look, physicsClientId=self.client)
-
-    def _add_thing(self, part: Movable) -> Thing:
-        thing = Thing(part, self.client)
-        self._let_touch(thing, touch=True)
-        return thing
-
-    def _let_touch(self, thing: Thing, *, touch: bool) -> None:
-        """Let a thing meet bodies and rays of the dynamics, or let all pass it."""
-        mask = SOLID_GROUP | BODY_GROUP | THING_GROUP | RAY_GROUP
-        pybullet.setCollisionFilterGroupMask(
-            thing.body,
-            -1,
-            THING_GROUP if touch else 0,
-            mask if touch else 0,
-            physicsClientId=self.client,
-        )
+        return Dynamics(self.arena, self.plan, shared=self.shared)

@@ -1,15 +1,17 @@
 """Functions that several commands share: hardware that they open, and progress that they show."""
 
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from math import inf
 from typing import Final
 
 import typer
 import zenoh
 from khepera_protocol.extras import how_to_install
 from khepera_protocol.system.waiting import input_waits
-from khepera_protocol.zenoh.controller_payloads import Decision
+from khepera_protocol.zenoh.controller_payloads import Decision, State
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -26,7 +28,10 @@ from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.line.serial_line import open_port
 from macor_hil.hardware.options import DeviceOptions, ZenohOptions
 from macor_hil.monitor.goals import goal_seen
+from macor_hil.runs.options import TrainOptions
+from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
+from macor_hil.telemetry.steady_clock import SteadyClock
 
 COLUMNS = (
     TextColumn("{task.description}"),
@@ -36,6 +41,9 @@ COLUMNS = (
 )
 
 _INPUT: Final = 0
+_TELL: Final = 0.25
+"""Seconds between two words of a training's progress."""
+
 _LOOK: Final = 0.1
 """Seconds between two looks for a signal."""
 
@@ -66,6 +74,7 @@ def hardware_of(options: DeviceOptions) -> Iterator[Hardware]:
                 options.port,
                 options.camera,
                 baud=options.baud,
+                kind=options.robot_kind,
                 session=session,
                 name=options.robot,
             )
@@ -112,30 +121,64 @@ def extra(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def shown(hardware: Hardware, robot: str, listen: Sequence[str]) -> Iterator[Callable[[], None]]:
-    """Let watchers see arena and robot of a `khepera://` port; call again and again to tell them.
+def shown(
+    hardware: Hardware, options: TrainOptions, say: Callable[[int], State]
+) -> Iterator[Callable[[int], None]]:
+    """Let watchers see a training: its progress, and arena and robot of a `khepera://` port.
+
+    Args:
+        hardware: open.
+        options: of the training.
+        say: returns the state that watchers are told, after so many commands.
+
+    Yields:
+        a function to call after every command, with their number.
 
     Raises:
         MacorError: an endpoint cannot be had.
     """
-    if not listen:
-        yield lambda: None
+    if not options.listen:
+        yield lambda _: None
         return
+    with ExitStack() as stack:
+        session, show = _seen(stack, hardware, options)
+        publisher = stack.enter_context(Publisher(session, options.robot))
+        clock = SteadyClock()
+        told = -inf
+
+        def progress(done: int) -> None:
+            nonlocal told
+            show()
+            now = time.monotonic()
+            if now - told >= _TELL or done == options.schedule.commands:
+                told = now
+                publisher.state(say(done), clock.seconds())
+
+        yield progress
+
+
+def _seen(
+    stack: ExitStack, hardware: Hardware, options: TrainOptions
+) -> tuple[zenoh.Session, Callable[[], None]]:
+    """Open a session for watchers; an emulated robot in this process is shown in it, too."""
+    if not options.address.embedded:
+        return stack.enter_context(open_session(options.listen, ())), lambda: None
     port = hardware.robot.port
     from khepera_emulator.app.side_channel import SideChannel
     from khepera_emulator.errors import EmulatorError
 
-    with ExitStack() as stack:
-        try:
-            channel = stack.enter_context(SideChannel(robot, list(listen), looking=True))
-        except EmulatorError as error:
-            raise MacorError(str(error)) from None
+    try:
+        channel = stack.enter_context(
+            SideChannel(options.robot, list(options.listen), looking=True)
+        )
+    except EmulatorError as error:
+        raise MacorError(str(error)) from None
 
-        def show() -> None:
-            if channel.delay() <= 0.0:
-                channel.serve(port.emulator)
+    def show() -> None:
+        if channel.delay() <= 0.0:
+            channel.serve(port.emulator)
 
-        yield show
+    return channel.session, show
 
 
 class Bar:

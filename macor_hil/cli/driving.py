@@ -4,8 +4,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from khepera_protocol.logs import LogOptions, set_up_log
 from khepera_protocol.options import Cli, takes
 from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
+from khepera_protocol.zenoh.controller_payloads import Decision
 from pydantic import Field
 from rich.console import Console
 from rich.table import Table
@@ -31,6 +33,7 @@ from macor_hil.runs.demo import (
 )
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions, TrainOptions
+from macor_hil.runs.run_reporter import RunReport
 from macor_hil.telemetry.stop_key import ask_to_stop
 
 app = typer.Typer()
@@ -45,6 +48,14 @@ class LookOptions(AllowOptions, ProfileOptions, DeviceOptions):
     )
 
 
+class SaidOptions(LogOptions):
+    """The words of a live run."""
+
+    quiet: Annotated[bool, Cli(flags=("--quiet",))] = Field(
+        default=False, description="Print no line for each decision."
+    )
+
+
 class StopOptions(ZenohOptions):
     """A controller that is to stop its robot."""
 
@@ -56,8 +67,8 @@ class StopOptions(ZenohOptions):
 @app.command(
     epilog="[cyan]macor-hil run --port runs/khepera --camera zenoh --map runs/corridor.npz[/cyan]"
 )
-@takes(RunOptions)
-def run(options: RunOptions) -> None:
+@takes(RunOptions, SaidOptions)
+def run(options: RunOptions, said: SaidOptions) -> None:
     """Drive a robot live by a map, publishing frames and decisions over Zenoh.
 
     With --goal it is driven to what the camera saw somewhere in training, such as red walls or a
@@ -65,21 +76,39 @@ def run(options: RunOptions) -> None:
 
     The robot is always stopped before the program ends: after the last command, a collision,
     Ctrl-C, SIGTERM, a closed terminal or an error, or when nobody reads what is printed. When robot
-    or camera fail, it is stopped, and the run goes on once both work again. Exit status 3 after a
-    collision.
+    or camera fail, it is stopped, and the run goes on once both work again. With --commands 0,
+    --after-collision back-off, --wait inf and --recovery inf it goes on until it is told to end.
+    Exit status 3 after a collision, 4 where robot or camera are lost.
     """
-    report = serve(options, lambda decision: told(decision_line(decision)))
-    driven = (
-        f"{report.commands} commands, reinforcement {report.reinforcement:.2f};"
-        + (f" recovered from {report.recoveries} failures;" if report.recoveries else "")
-        + " the robot stands"
-    )
+    set_up_log(said)
+    report = serve(options, _ignored if said.quiet else _printed)
+    driven = _driven(report)
     if report.signal:
         with kept(lambda: driven):
             raise KeyboardInterrupt
     typer.echo(f"{report.ending}: {driven}")
     if report.collided:
         raise typer.Exit(Status.COLLISION)
+
+
+def _printed(decision: Decision) -> None:
+    told(decision_line(decision))
+
+
+def _ignored(_: Decision) -> None:
+    """Print nothing."""
+
+
+def _driven(report: RunReport) -> str:
+    """Return a report in words."""
+    parts = [f"{report.commands} commands, reinforcement {report.reinforcement:.2f}"]
+    if report.recoveries:
+        parts.append(f"recovered from {report.recoveries} failures")
+    if report.collisions > report.collided:
+        parts.append(f"{report.collisions} collisions")
+    if report.learned:
+        parts.append(f"{report.learned} commands learned while driving")
+    return "; ".join([*parts, "the robot stands"])
 
 
 @app.command(epilog="[cyan]macor-hil stop --connect tcp/127.0.0.1:7448[/cyan]")
@@ -144,14 +173,14 @@ def demo(
                 settings, lambda name, decision: told(f"{name:12} {decision_line(decision)}")
             )
     pictures = [picture]
-    draw_trials(picture, result.outline, result.trials)
+    draw_trials(picture, {name: (result.outline, one) for name, one in result.trials.items()})
     rows = [(name, settings.arena, trial) for name, trial in result.trials.items()]
     if result.harder is None:
         typer.echo(f"{map_file} is older than the planner for the {HARDER}; take it away to see it")
     else:
         outline, trial = result.harder
         pictures.append(folder / f"{HARDER}.png")
-        draw_trials(pictures[-1], outline, {PLANNER_IN_HARDER: trial})
+        draw_trials(pictures[-1], {PLANNER_IN_HARDER: (outline, trial)})
         rows.append((PLANNER_IN_HARDER, HARDER, trial))
     table = Table("planner", "arena", "commands", "reinforcement", "collision")
     for name, arena, trial in rows:

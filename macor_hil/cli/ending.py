@@ -24,16 +24,20 @@ class Status(IntEnum):
     NO = 1
     """It did what it was told, and the answer is no."""
     FAILED = 2
-    """It failed, or an option is wrong; one sentence says what."""
+    """An option, a file or a device is not what it should be, and will not be; refused in one
+    sentence."""
     COLLISION = 3
     """A collision ended the drive."""
+    LOST = 4
+    """Robot, camera or telemetry are not there, or failed for good: they may come back."""
     INTERRUPTED = 130
     """Ctrl-C, or Ctrl-\\."""
 
 
 SUMMARY: Final = (
-    "0 done, or told to end by SIGTERM, SIGHUP or the stop key; 1 the answer is no; 2 failed, one"
-    " sentence says why; 3 `run` ended with a collision; 130 Ctrl-C."
+    "0 done, or told to end by SIGTERM, SIGHUP or the stop key; 1 the answer is no; 2 refused or"
+    " failed, one sentence says why; 3 `run` ended with a collision; 4 robot or camera are lost or"
+    " not there; 130 Ctrl-C."
 )
 """All exit statuses, for the help text."""
 

@@ -9,17 +9,19 @@ import numpy as np
 import typer
 from khepera_protocol.options import takes
 from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import Phase, State
+from khepera_protocol.zenoh.payload_model import MOST_TEXT
 from pydantic import Field
 
 from macor_hil.cli.common import Bar, extra, hardware_of, progress_bar, shown
 from macor_hil.cli.ending import kept
 from macor_hil.cli.paths import check_file
-from macor_hil.errors import MacorError, MapError
+from macor_hil.errors import MapError
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain, own_code
 from macor_hil.mind.map_file import save_map
 from macor_hil.mind.options import MindOptions
-from macor_hil.runs.checkpoints import checkpoint_path, commands_kept
+from macor_hil.runs.learning.checkpoints import checkpoint_path, commands_kept
 from macor_hil.runs.options import MapOptions, TrainOptions
 from macor_hil.runs.robot_training import train_on
 from macor_hil.safety.claim import claim
@@ -55,8 +57,6 @@ def train_map_of(options: TrainOptions, mind: MindOptions) -> None:
         MacorError: it cannot be trained, or the hardware fails.
     """
     map_file, schedule = options.map_file, options.schedule
-    if options.listen and not options.address.embedded:
-        raise MacorError("--listen shows a robot in this process, and needs a khepera:// port")
     check_file("--map", map_file)
     if map_file.exists() and not options.restart:
         raise MapError(f"the map {map_file} is there already; train it anew with --restart")
@@ -68,18 +68,31 @@ def train_map_of(options: TrainOptions, mind: MindOptions) -> None:
         signals_taken_over() as interruption,
         hardware_of(options) as hardware,
         progress_bar(schedule.commands) as bar,
-        shown(hardware, options.robot, options.listen) as show,
+        shown(hardware, options, partial(_training_of, options)) as show,
     ):
         if options.restart:
             checkpoint_path(map_file).unlink(missing_ok=True)
 
         def progress(done: int) -> None:
             bar(done)
-            show()
+            show(done)
 
         ask = partial(_ask, bar) if sys.stdin.isatty() else None
         brain = train_on(hardware, options, settings, interruption.check, progress, ask)
     _report(map_file, brain, schedule.commands)
+
+
+def _training_of(options: TrainOptions, done: int) -> State:
+    """Return the state of a training after so many commands, for those who watch."""
+    return State(
+        phase=Phase.TRAINING,
+        planner="random commands" if not options.reactive else "random and reactive commands",
+        port=options.port[:MOST_TEXT],
+        camera=options.camera[:MOST_TEXT],
+        map=str(options.map_file)[:MOST_TEXT],
+        driven=done,
+        limit=options.schedule.commands,
+    )
 
 
 @app.command(epilog="[cyan]macor-hil learn runs/drive.mcap --map runs/learned.npz[/cyan]")
@@ -92,7 +105,7 @@ def learn(
     """Train a map from recordings of drives (see `record`), without a robot."""
     with extra("recording"):
         from macor_hil.telemetry.recordings.recording import play_recording
-    from macor_hil.runs.recorded_drives import learn as take_in
+    from macor_hil.runs.learning.recorded_drives import learn as take_in
 
     map_file = options.map_file
     check_file("--map", map_file)

@@ -26,10 +26,10 @@ from macor_hil.hardware.cameras.checked_camera import CheckedCamera, PictureLimi
 from macor_hil.hardware.cameras.mirror_fit import draw_mirror, find_mirror
 from macor_hil.hardware.devices import robot_of
 from macor_hil.hardware.driver import Driver, DriveSettings
-from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.options import DeviceOptions, LineOptions, SpeedOptions, ZenohOptions
 from macor_hil.hardware.profile import change_profile, load_profile
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.safety.claim import claim
 from macor_hil.safety.interruption import signals_taken_over
 
@@ -160,7 +160,7 @@ def _drive_what_is_left(options: CalibrateOptions, done: Measured) -> None:
     with (
         kept(lambda: _what_is_kept(done, total)),
         signals_taken_over() as interruption,
-        robot_of(options.address, options.baud) as robot,
+        robot_of(options.address, options.baud, options.robot_kind) as robot,
         _bench_of(options, robot) as bench,
         progress_bar(total) as progress,
     ):
@@ -177,7 +177,7 @@ def _drive_what_is_left(options: CalibrateOptions, done: Measured) -> None:
 
 
 @contextmanager
-def _bench_of(options: CalibrateOptions, robot: Khepera) -> Iterator[Bench | None]:
+def _bench_of(options: CalibrateOptions, robot: Robot) -> Iterator[Bench | None]:
     """Open the bench of an emulated robot; None for others."""
     if options.address.embedded:
         yield PortBench(robot.port)

@@ -7,14 +7,28 @@ from contextlib import suppress
 from typing import Final
 
 import typer
+from khepera_protocol.config_file import add_config
+from khepera_protocol.logs import logs_json
 from khepera_protocol.options import OptionError
 from khepera_protocol.text import PrintableFormatter, printable
 from khepera_protocol.version import VersionOption
 
-from macor_hil.cli import driving, learning, measuring, ros, scoring, watching
+from macor_hil.cli import (
+    by_hand,
+    classroom,
+    driving,
+    learning,
+    measuring,
+    ros,
+    scoring,
+    viewing,
+    watching,
+)
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
-from macor_hil.errors import MacorError, NotStoppedError
+from macor_hil.errors import MacorError, NotStoppedError, is_lost
 from macor_hil.safety.interruption import Interruption
+
+_log = logging.getLogger(__name__)
 
 _EXAMPLES = f"""[bold]Examples[/bold]
 
@@ -45,9 +59,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     epilog=_EXAMPLES,
+    context_settings={"auto_envvar_prefix": "MACOR_HIL"},
 )
-for _part in (learning, scoring, driving, measuring, watching, ros):
+for _part in (learning, scoring, driving, by_hand, measuring, watching, viewing, classroom, ros):
     app.add_typer(_part.app)
+add_config(app, "run")
 
 
 @app.callback()
@@ -78,7 +94,7 @@ def _run(interruption: Interruption) -> int:
     except (MacorError, OptionError) as error:
         _say(str(error))
         if not interruption.name or isinstance(error, NotStoppedError):
-            return Status.FAILED
+            return Status.LOST if is_lost(error) else Status.FAILED
     except OSError as error:
         if not interruption.name:
             return _failed(error, interruption)
@@ -112,5 +128,8 @@ def _farewell(interruption: Interruption) -> str:
 
 
 def _say(sentence: str) -> None:
+    if logs_json():
+        _log.error(sentence)
+        return
     with suppress(OSError):  # nobody reads that either
         print(f"macor-hil: {printable(sentence)}", file=sys.stderr)  # noqa: T201

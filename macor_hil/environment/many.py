@@ -259,10 +259,8 @@ def _robots(port: str, count: int, workers: int | None) -> Any:
     from khepera_emulator.errors import EmulatorError
     from khepera_emulator.robot.many import Many
     from khepera_emulator.robot.options import UrlOptions
-    from khepera_emulator.world.bullet import load_physics
 
     try:
-        load_physics()
         return Many(UrlOptions.from_url(port).setup(()), count, _WRITING, workers)
     except (EmulatorError, OptionError) as error:
         raise MacorError(f"{port}: {error}") from None

@@ -7,7 +7,7 @@ too (`graded`); each in the corridor that it was trained in, from the start and 
 in arenas that it has never seen.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -34,7 +34,6 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import estimate, mean
@@ -42,6 +41,7 @@ from macor_hil.experiments.results.store import Result, Results
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.memories.prototypes import memberships
 from macor_hil.mind.planners.graded import Graded
+from macor_hil.monitor.pictures import trials_figure
 from macor_hil.runs.trials import Trial
 
 ON_NODES: Final = "graded nodes"
@@ -143,7 +143,7 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
         )
         for place in map(_place, settings.courses)
     }
-    return {"trajectories": draw_trials(shown)}
+    return {"trajectories": trials_figure(shown)}
 
 
 def tell(settings: Settings, results: Results) -> list[Element]:
@@ -162,7 +162,7 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             tuple(_row(results, course) for course in settings.courses),
         ),
         Text(_verdict(settings, results)),
-        Picture("trajectories", f"{GRADED}, seed {next(iter(results))}, first trials."),
+        Picture("trajectories", _caption(results, places)),
         Table(
             f"Mean length of the trials of {GRADED}, every seed",
             ("seed", *places),
@@ -172,6 +172,16 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             ),
         ),
     ]
+
+
+def _caption(results: Results, places: Sequence[str]) -> str:
+    seed, result = next(iter(results.items()))
+    first = {place: trial_from_json(result["trials"][place][GRADED][0]) for place in places}
+    hit = [place for place, one in first.items() if one.collided]
+    return (
+        f"{GRADED}, trained in the corridor alone: the first trial of seed {seed} in each arena."
+        f" Collisions: {', '.join(hit) or 'none'}."
+    )
 
 
 def _lengths(results: Results, place: str, name: str) -> list[float]:

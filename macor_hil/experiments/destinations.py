@@ -50,7 +50,7 @@ from macor_hil.mind.eyes.eyes import FloorSeeing
 from macor_hil.mind.planners.destinations import Destination, destination
 from macor_hil.mind.planners.goal import Goal
 from macor_hil.mind.planners.planner import Aim, Plan, Planner
-from macor_hil.monitor.pictures import draw_way
+from macor_hil.monitor.pictures import draw_way, way_windows
 from macor_hil.runs.possible import Ways
 from macor_hil.runs.trials import Trial
 
@@ -162,6 +162,14 @@ class _Told:
             return None
         reached = bool(self._goal.reached(now.floor, now.sights))
         return Aim(self._goal.name, None, reached, not self._goal.along)
+
+
+def parts(settings: Settings) -> list[Settings]:
+    """Return the goals of each arena by themselves."""
+    return [
+        replace(settings, targets=tuple(one for one in settings.targets if one.arena == arena))
+        for arena in settings.arenas
+    ]
 
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
@@ -327,9 +335,15 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
     pictures = {}
     for target in settings.targets:
         (driven,) = _all({first: results[first]}, target)
-        trials = [trial_from_json(one) for one in driven["trials"][f"{GOAL} 0"][:_DRAWN]]
+        trials = [trial_from_json(one) for one in _shown(driven)]
         pictures[_picture(target)] = _ways(Outline.model_validate(driven["outline"]), trials)
     return pictures
+
+
+def _shown(driven: Result) -> list[Result]:
+    """Return the first trials that begin away from the goal."""
+    away = [one for one in driven["trials"][f"{GOAL} 0"] if one["r"]]
+    return away[:_DRAWN]
 
 
 def _picture(target: Target) -> str:
@@ -339,12 +353,17 @@ def _picture(target: Target) -> str:
 def _ways(outline: Outline, trials: Sequence[Trial]) -> Figure:
     columns = min(3, len(trials))
     lines = -(-len(trials) // columns)
-    figure = Figure(figsize=(3.4 * columns, 3.4 * lines), layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    window, *_ = way_windows([(outline, one) for one in trials])
+    (x0, x1), (y0, y1) = window
+    height = 3.4 * (y1 - y0) / (x1 - x0) + 0.8
+    figure = Figure(figsize=(3.4 * columns + 0.6, height * lines + 0.4), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for place in axes[len(trials) :]:
+        place.set_axis_off()
     for one, place in zip(trials, axes, strict=False):
-        draw_way(place, outline, one, width=0.8)
+        draw_way(place, outline, one, window)
         end = "collision" if one.collided else "no collision"
-        place.set_title(f"{one.length} commands, {end}", fontsize=10)
+        place.set_title(f"{one.length} commands,\n{end}")
     return figure
 
 
@@ -362,11 +381,17 @@ def tell(settings: Settings, results: Results) -> list[Element]:
         ),
         _table(settings, results),
         *(_compared(settings, results, each) for each in settings.targets if settings.compared),
-        *(
-            Picture(_picture(target), f"{target.name}: the first ways of the first robot.")
-            for target in settings.targets
-        ),
+        *(Picture(_picture(target), _caption(results, target)) for target in settings.targets),
     ]
+
+
+def _caption(results: Results, target: Target) -> str:
+    driven = _all({(first := next(iter(results))): results[first]}, target)[0]
+    shown = _shown(driven)
+    return (
+        f"{target.name}: the first {len(shown)} ways of the first robot, from the filled circle;"
+        f" {sum(one['reached'] for one in shown)} of them end at the goal."
+    )
 
 
 def _table(settings: Settings, results: Results) -> Table:
@@ -429,4 +454,5 @@ DESTINATIONS: Final = Experiment(
     quick=QUICK,
     rows=rows,
     drives=drives,
+    parts=parts,
 )

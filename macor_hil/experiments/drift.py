@@ -87,7 +87,7 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
                 for driven in settings.driven
                 for trained in settings.trained
             },
-            f"commands in a trial, {name}",
+            f"commands in a trial,\n{name}",
             {},
         )
         for name, picture in SHOWN.items()
@@ -120,8 +120,17 @@ def tell(settings: Settings, results: Results) -> list[Element]:
         ),
         Table("Length of trials, mean over seeds (95 % bootstrap interval)", head, rows),
         Text(_verdict(settings, results)),
-        *(Picture(picture, f"Every training seed, {name}.") for name, picture in SHOWN.items()),
+        *(Picture(picture, _caption(settings, results, name)) for name, picture in SHOWN.items()),
     ]
+
+
+def _caption(settings: Settings, results: Results, name: str) -> str:
+    pairs = [(d, t) for d in settings.driven for t in settings.trained]
+    means = [float(np.mean(_lengths(results, t, d, name))) for d, t in pairs]
+    return (
+        f"Every training seed of {name}, by the drift that was trained with and the one that is"
+        f" driven with. The means lie between {min(means):.1f} and {max(means):.1f} commands."
+    )
 
 
 def _verdict(settings: Settings, results: Results) -> str:

@@ -49,6 +49,9 @@ class Experiment:
         rows: the results as tidy rows of a CSV file beside the report; None: there is no such file.
         drives: all training drives of a seed, where there are others than that of the settings;
             given settings and the folder of arena files.
+        parts: settings of the parts whose results, lists by name, follow one another in a seed's
+            result. Each part is a piece of work of its own and is kept by itself, so that runs with
+            other settings share the parts that are the same; None: there is one, of all settings.
     """
 
     name: str
@@ -64,6 +67,7 @@ class Experiment:
     quick: Any = None
     rows: Callable[[Any, Results], Iterable[Row]] | None = None
     drives: Callable[[Any, Path], Sequence[Drive]] | None = None
+    parts: Callable[[Any], Sequence[Any]] | None = None
 
     @property
     def kept_as(self) -> str:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from khepera_protocol import palette
 from matplotlib.figure import Figure
 
 from macor_hil.experiments.drives.course import Course, System, Track, on_course
@@ -30,6 +31,7 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.report.drawing import begin_at_zero, draw_interval
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, mean
@@ -99,37 +101,44 @@ def commands_needed(settings: Settings, result: Result, name: str) -> int | None
 
 
 def draw(settings: Settings, results: Results) -> dict[str, Figure]:
-    """Reinforcement after the change, relative to a system trained for the goal."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    """Reinforcement after the change, and at the right that of systems trained for the goal."""
+    figure = Figure(figsize=(8.0, 5.4), layout="constrained")
     axes = figure.subplots()
-    places = range(len(settings.looks))
-    for name in SHOWN:
-        means = []
-        for frames in settings.looks:
-            shares = [
-                result["after"][str(frames)][name] / max(result["trained for it"][name], 1e-9)
-                for result in results.values()
-            ]
-            means.append(float(np.mean(shares)))
-        axes.plot(places, means, marker="o", label=name)
-    axes.axhline(_WELL, color="grey", linewidth=0.8, linestyle=":")
-    axes.set_xticks(list(places), [f"{n:,}" for n in settings.looks])
+    fresh = len(settings.looks) + 0.5
+    places = [*range(len(settings.looks)), fresh]
+    for number, name in enumerate(SHOWN):
+        *after, trained = [estimate(earned, mean) for earned in _looks(settings, results, name)]
+        draw_interval(axes, places[:-1], after, name, number)
+        bars = [[trained.value - trained.low], [trained.high - trained.value]]
+        aside = 0.12 * (number - 2)
+        colour, marker = palette.SERIES[number], palette.MARKERS[number]
+        axes.errorbar(
+            fresh + aside, trained.value, np.abs(bars), fmt=marker, color=colour, capsize=4
+        )
+    axes.set_xticks(places, [*(f"{n:,}" for n in settings.looks), "trained\nfor it"])
     axes.set_xlabel("frames since the goal changed")
-    axes.set_ylabel("reinforcement over that of a system\ntrained for the new goal")
-    axes.legend(fontsize=8)
+    begin_at_zero(axes)
+    axes.set_ylabel("reinforcement in a trial, new goal")
+    axes.grid()
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return {"goals": figure}
+
+
+def _looks(settings: Settings, results: Results, name: str) -> list[list[float]]:
+    """Reinforcement of every seed, at each look and last when trained for the new goal."""
+    after = [
+        [result["after"][str(frames)][name] for result in results.values()]
+        for frames in settings.looks
+    ]
+    return [*after, [result["trained for it"][name] for result in results.values()]]
 
 
 def tell(settings: Settings, results: Results) -> list[Element]:
     """Report the reinforcement of each system, and how soon it earns it."""
     rows = []
     for name in SHOWN:
-        fresh = [result["trained for it"][name] for result in results.values()]
-        cells = [
-            str(estimate([r["after"][str(n)][name] for r in results.values()], mean))
-            for n in settings.looks
-        ]
-        rows.append((name, *cells, str(estimate(fresh, mean))))
+        looks = _looks(settings, results, name)
+        rows.append((name, *(str(estimate(earned, mean)) for earned in looks)))
     head = ("system", *(f"after {n:,}" for n in settings.looks), "trained for it")
     return [
         Text(
@@ -141,8 +150,18 @@ def tell(settings: Settings, results: Results) -> list[Element]:
         ),
         Table("Reinforcement per trial under the new goal, mean over seeds", head, tuple(rows)),
         _needed(settings, results),
-        Picture("goals", "Dotted: 90 %."),
+        Picture("goals", _caption(results)),
     ]
+
+
+def _caption(results: Results) -> str:
+    fresh = {n: float(np.mean([r["trained for it"][n] for r in results.values()])) for n in SHOWN}
+    best = max(fresh, key=fresh.__getitem__)
+    return (
+        "Reinforcement in a trial after the change, and at the right that of systems trained for"
+        " the new goal alone; bands and bars: 95 % interval over seeds. A curve that reaches its"
+        f" own mark at the right has relearned; {best} earns most when trained for the goal."
+    )
 
 
 def _needed(settings: Settings, results: Results) -> Table:

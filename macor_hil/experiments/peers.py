@@ -150,7 +150,7 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             partial(_orders, settings, results),
         ),
         Text(_verdict(settings, results)),
-        Picture("lengths", f"Every training seed; {best(settings, results)}."),
+        Picture("lengths", _caption(settings, results)),
         Text(_FAIRNESS),
     ]
 
@@ -212,6 +212,15 @@ def _orders(settings: Settings, results: Results, criterion: str) -> dict[str, O
 
 def _short(name: str) -> str:
     return name.partition(",")[0]
+
+
+def _caption(settings: Settings, results: Results) -> str:
+    names = [best(settings, results), *(f"{name}, {_first(settings)}" for name in OWN)]
+    longest = max(names, key=lambda name: float(np.mean(_lengths(results, name))))
+    return (
+        f"Mean length of each seed's trials; {FALCON} with the parameters that drive longest. Of"
+        f" all that learned the {_first(settings)} commands {_short(longest)} drives longest."
+    )
 
 
 def _verdict(settings: Settings, results: Results) -> str:

@@ -1,18 +1,27 @@
 """A robot, its camera and, where it is emulated, its bench: opened and closed together."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import zenoh
 
+from macor_hil.errors import GarbageError
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.bench import Bench, PortBench, ZenohBench
 from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.cameras.catalogue import AUTO, CameraAddress
-from macor_hil.hardware.khepera import Khepera, open_port
+from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.line.serial_line import open_port
+from macor_hil.hardware.robots.epuck.client import Epuck
+from macor_hil.hardware.robots.robot import Robot, RobotKind
 from macor_hil.safety.interruption import unwind_on_signals
+
+_CLIENTS: Final = {RobotKind.KHEPERA: Khepera, RobotKind.EPUCK: Epuck}
+
+_EPUCK_TO_VERSIONS: Final = b"b\r\n"
+"""An e-puck's answer to a Khepera's request for versions, which it takes for that of a lamp."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +36,15 @@ class Hardware:
     """
 
     address: PortAddress
-    robot: Khepera
+    robot: Robot
     camera: Camera
     bench: Bench | None
 
 
 @contextmanager
-def robot_of(port: str | PortAddress, baud: int = 9600) -> Iterator[Khepera]:
+def robot_of(
+    port: str | PortAddress, baud: int = 9600, kind: RobotKind = RobotKind.AUTO
+) -> Iterator[Robot]:
     """Open the robot at a port alone; on the way out it is stopped and the port closed.
 
     SIGTERM and SIGHUP no longer end the process without that.
@@ -48,9 +59,38 @@ def robot_of(port: str | PortAddress, baud: int = 9600) -> Iterator[Khepera]:
         return open_port(address, baud)
 
     # a robot in this process is gone with its port
-    with Khepera(open_it(), None if address.embedded else open_it) as robot:
+    reopen = None if address.embedded else open_it
+    if kind is RobotKind.AUTO:
+        opened = open_it()
+        if address.embedded:
+            kind = RobotKind(opened.emulator.setup.model.kind)
+        else:
+            with Khepera(opened, reopen) as robot:
+                if not _is_epuck(robot):
+                    yield robot
+                    return
+            kind, opened = RobotKind.EPUCK, open_it()
+    else:
+        opened = open_it()
+    client: Callable[..., Any] = _CLIENTS[kind]
+    with client(opened, reopen) as robot:
         robot.connect()
         yield robot
+
+
+def _is_epuck(robot: Khepera) -> bool:
+    """Connect to a Khepera; returns True if an e-puck has answered.
+
+    Raises:
+        RobotError: nothing answers like either.
+    """
+    try:
+        robot.connect()
+    except GarbageError as error:
+        if error.came == _EPUCK_TO_VERSIONS:
+            return True
+        raise
+    return False
 
 
 @contextmanager
@@ -59,6 +99,7 @@ def open_hardware(
     camera: str = AUTO,
     *,
     baud: int = 9600,
+    kind: RobotKind = RobotKind.AUTO,
     session: zenoh.Session | None = None,
     name: str = "khepera",
 ) -> Iterator[Hardware]:
@@ -68,6 +109,7 @@ def open_hardware(
         port: a device, or a pySerial URL such as `khepera://corridor?seed=1`.
         camera: see `macor_hil.hardware.cameras.catalogue`.
         baud: rate in bits a second.
+        kind: of robot; AUTO: whichever answers.
         session: Zenoh session for the camera and the bench, where they are reached over it.
         name: the robot's name in Zenoh keys.
 
@@ -76,7 +118,7 @@ def open_hardware(
     """
     address = PortAddress.parse(port)
     with ExitStack() as stack:
-        robot = stack.enter_context(robot_of(address, baud))
+        robot = stack.enter_context(robot_of(address, baud, kind))
         eyes = CameraAddress.parse(camera, address)  # afterwards: whatever fails, the robot stands
         opened = eyes.open(port=robot.port, session=session, robot=name)
         stack.callback(opened.close)

@@ -12,7 +12,7 @@ is raised leaves a drive before the robot stands.
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, sqrt
 
 from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
@@ -20,8 +20,15 @@ from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 from macor_hil.commands import LONGEST_WAY as LONGEST_WAY
 from macor_hil.commands import MotorCommand
 from macor_hil.errors import RobotResetError, StrayedError
-from macor_hil.hardware.khepera import FRONT_SENSORS, Khepera, WheelStatus
 from macor_hil.hardware.odometry import Wheels
+from macor_hil.hardware.robots.robot import (
+    FRONT_SENSORS,
+    Followed,
+    Look,
+    Robot,
+    WheelStatus,
+    looked,
+)
 from macor_hil.hardware.standstill import standing_on_failure
 
 
@@ -149,16 +156,18 @@ class Driver:
 
     def __init__(
         self,
-        robot: Khepera,
+        robot: Robot,
         settings: DriveSettings = DriveSettings(),
         guard: Guard | None = None,
         *,
         patient: bool = False,
     ) -> None:
-        self.settings = settings
+        # no faster than the robot can: times are reckoned with it
+        self.settings = replace(settings, speed=min(settings.speed, robot.top_speed))
         self._robot = robot
         self._guard = guard or _nothing
-        self._patient = patient or guard is None
+        alone = patient or guard is None
+        self._followed = robot if alone and isinstance(robot, Followed) else None
         self._target = (0, 0)
         self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
 
@@ -199,9 +208,7 @@ class Driver:
             end = self._robot.clock() + seconds
             while True:
                 self._guard()
-                proximity = self._robot.watch(
-                    self.settings.collision, 0.0, end, at_once=self._patient
-                )
+                proximity = self._watch(end)
                 collided = is_touching(proximity, self.settings)
                 if collided or self._robot.clock() >= end:
                     break
@@ -284,9 +291,7 @@ class Driver:
         limit = settings.collision if watch else _NEVER
         while True:
             self._guard()
-            proximity, elapsed, wheels = robot.follow(
-                limit, start, duration, settings.patience, at_once=self._patient
-            )
+            proximity, elapsed, wheels = self._follow(limit, start, duration)
             if watch and is_touching(proximity, settings):
                 return proximity, True
             if wheels is None:
@@ -297,6 +302,18 @@ class Driver:
             self._check_remembered(left, right)
             if elapsed > duration + settings.patience:
                 return proximity, True
+
+    def _watch(self, end: float) -> tuple[int, ...]:
+        """Look at the sensors, of a robot in this process until a collision or a time."""
+        if self._followed is not None:
+            return self._followed.watch(self.settings.collision, 0.0, end)
+        return self._robot.proximity()
+
+    def _follow(self, limit: int, begin: float, seconds: float) -> Look:
+        """Look at a robot that has set out to a target; see `Followed`."""
+        if self._followed is not None:
+            return self._followed.follow(limit, begin, seconds, self.settings.patience)
+        return looked(self._robot, limit, begin, seconds)
 
     def _go_on_a_leash(
         self, begin: _Counts, ways: tuple[float, float]

@@ -10,14 +10,14 @@ import os
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, Self
 
 from khepera_protocol.serial.messages import Reply, build_request
 
 from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
 from macor_hil.hardware.line.line_statistics import Meter
 from macor_hil.hardware.line.serial_line import LONGEST_REPLY, Line, open_port
+from macor_hil.hardware.robots.robot import FRONT_SENSORS, Look, WheelStatus, looked
 from macor_hil.safety.interruption import undisturbed
 
 __all__ = ["LONGEST_REPLY", "Khepera", "WheelStatus", "open_port"]
@@ -30,9 +30,6 @@ beside a turning wheel, L that toggles) or that reach beyond the robot (P, R, T,
 
 SETTINGS: Final = frozenset("AFJ")
 """Letters of settings that power-on forgets."""
-
-FRONT_SENSORS: Final = slice(0, 6)
-"""Infrared sensors that face where the robot can drive to: all but the two at the back."""
 
 _ATTEMPTS: Final = 3
 _STOP_LIMIT: Final = 0.5
@@ -52,35 +49,6 @@ _STOP = build_request("D", 0, 0)
 _SPEED = build_request("E")
 
 
-@dataclass(frozen=True, slots=True)
-class WheelStatus:
-    """Status of one wheel, as K gives it.
-
-    Attributes:
-        reached: whether the target of the position controller is reached.
-        speed_mode: whether the speed controller (or PWM) is in charge.
-        error: control error in counts, or counts / 10 ms.
-    """
-
-    reached: bool
-    speed_mode: bool
-    error: int
-
-
-class Look(NamedTuple):
-    """A look at a robot on its way.
-
-    Attributes:
-        proximity: the eight proximity sensors.
-        elapsed: seconds since it set out, when they were read.
-        wheels: left and right; None: they were not looked at.
-    """
-
-    proximity: tuple[int, ...]
-    elapsed: float
-    wheels: tuple[WheelStatus, WheelStatus] | None
-
-
 class Khepera:
     """A Khepera on an open serial port; use as a context, so that every way out stops it.
 
@@ -92,6 +60,8 @@ class Khepera:
         clock: seconds on the clock that the port lives by: virtual for `khepera://`, else real.
         meter: counts requests and times their round trips on that clock.
     """
+
+    top_speed = 127
 
     def __init__(self, port: Any, reopen: Callable[[], Any] | None = None) -> None:
         self._take(Line(port))
@@ -157,7 +127,7 @@ class Khepera:
                 self._broken = isinstance(error, LinkError) or self._failures % _ATTEMPTS == 0
                 if self.clock() >= deadline:
                     raise
-                _log.info("not back yet: %s", error)
+                _log.debug("not back yet: %s", error)
                 self._line.pause(_PAUSE)
             else:
                 self._failures = 0
@@ -204,9 +174,7 @@ class Khepera:
         """Drive on a line, and answer for it that the robot stands at its end."""
         self._line = line
         self.clock = line.clock
-        self._watch: Callable[[int, float, float, float], Any] | None = getattr(
-            line.port, "watch", None
-        )
+        self._watch: Callable[..., Any] | None = getattr(line.port, "watch", None)
         self._end = weakref.finalize(self, _leave, line, os.getpid())
 
     def _revive(self) -> bool:
@@ -286,42 +254,19 @@ class Khepera:
         """Return the eight proximity sensors, 0 far to 1023 near."""
         return self.request("N").values
 
-    def watch(self, limit: int, begin: float, seconds: float, *, at_once: bool) -> tuple[int, ...]:
-        """Return the proximity sensors, as `proximity` does.
-
-        Args:
-            limit: counts.
-            begin: on `clock`.
-            seconds: after that.
-            at_once: whether a robot in this process may be asked as often as it takes until one of
-                the six sensors at front and sides reads so much, or that time has passed.
-        """
-        found = self._watched(limit, begin, seconds, -1.0) if at_once else None
+    def watch(self, limit: int, begin: float, seconds: float) -> tuple[int, ...]:
+        """Return the proximity sensors; see `Followed`. Elsewhere than in this process: at once."""
+        found = self._watched(limit, begin, seconds, -1.0)
         if found is None:
             return self.proximity()
         counts: tuple[int, ...] = found.counts
         return counts
 
-    def follow(
-        self, limit: int, begin: float, seconds: float, patience: float, *, at_once: bool
-    ) -> Look:
-        """Look at a robot on its way to a target: at its sensors, later at its wheels, too.
-
-        Args:
-            limit: counts.
-            begin: when it set out, on `clock`.
-            seconds: after which it should be there; wheels are not looked at before.
-            patience: seconds beyond that.
-            at_once: whether a robot in this process may be looked at until one of the six sensors
-                at front and sides reads so much, both wheels have reached their targets, or
-                patience is over.
-        """
-        found = self._watched(limit, begin, seconds, patience) if at_once else None
+    def follow(self, limit: int, begin: float, seconds: float, patience: float) -> Look:
+        """Look at a robot on its way; see `Followed`. Elsewhere than in this process: once."""
+        found = self._watched(limit, begin, seconds, patience)
         if found is None:
-            proximity = self.proximity()
-            elapsed = self.clock() - begin
-            seen = max(proximity[FRONT_SENSORS]) >= limit or elapsed < seconds
-            return Look(proximity, elapsed, None if seen else self.status())
+            return looked(self, limit, begin, seconds)
         if found.told is None:
             seen = max(found.counts[FRONT_SENSORS]) >= limit or found.elapsed < seconds
             return Look(found.counts, found.elapsed, None if seen else self.status())
@@ -337,6 +282,11 @@ class Khepera:
         if found is not None:
             self.meter.watched(found.exchanges, self.clock() - start, found.longest)
         return found
+
+    def battery(self) -> int:
+        """Return half of the battery's voltage, in counts of 4 mV."""
+        (counts,) = self.request("I", 0).values
+        return counts
 
 
 def _halt(line: Line) -> None:

@@ -12,6 +12,7 @@ from macor_hil.hardware.cameras.catalogue import AUTO, CAMERAS, CameraAddress
 from macor_hil.hardware.driver import DriveSettings
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.profile import RobotProfile, load_profile
+from macor_hil.hardware.robots.robot import RobotKind
 
 _DRIVE: Final = DriveSettings()
 
@@ -30,6 +31,11 @@ class LineOptions(Options):
         description="Serial device or pySerial URL; khepera://ARENA is a robot in-process.",
     )
     baud: int = Field(default=9600, ge=1200, description="Rate of the serial line, bits a second.")
+    robot_kind: RobotKind = Field(
+        default=RobotKind.AUTO,
+        description="Kind of robot at the port; auto: whichever answers (an e-puck's line is at"
+        " --baud 115200).",
+    )
 
     @property
     def address(self) -> PortAddress:

@@ -15,12 +15,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from macor_hil.errors import NotStoppedError, RobotError
-from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.safety.interruption import undisturbed
 
 
 @contextmanager
-def standing_on_failure(robot: Khepera, way: float) -> Iterator[None]:
+def standing_on_failure(robot: Robot, way: float) -> Iterator[None]:
     """Stop the robot before anything that is raised within goes on; signals wait until it stands.
 
     Args:

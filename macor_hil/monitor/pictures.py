@@ -1,50 +1,73 @@
 """Pictures in the form of the paper's figures; needs the extra 'pictures' (Matplotlib)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import cos, degrees, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+from khepera_protocol import palette
 from khepera_protocol.extras import how_to_install
+from khepera_protocol.palette import drawing_style
 from khepera_protocol.zenoh.payloads import Outline
 
 from macor_hil.arrays import Image
 from macor_hil.errors import MacorError
 from macor_hil.mind.eyes.opponent import CHANNELS
 from macor_hil.mind.eyes.panorama import PanoramaEyes
-from macor_hil.runs.trials import Trial
+from macor_hil.runs.trials import MAX_COMMANDS, Trial
+
+_TALL: Final = 4.2
+"""Greatest height of a way's picture, in inches."""
+_NARROWEST: Final = 2.5
+_WIDEST: Final = 4.4
+_AROUND: Final = 0.12
+"""Metres shown around what the robot drove over: the nearest walls of a corridor."""
 
 
-def draw_trials(path: Path, outline: Outline, trials: Mapping[str, Trial]) -> None:
+def draw_trials(path: Path, trials: Mapping[str, tuple[Outline, Trial]]) -> None:
     """Draw one trial of each planner: the path in the arena, the reinforcement below (figure 3).
-
-    Circles mark the robot after every command, the last one red after a collision.
 
     Args:
         path: where the PNG goes.
-        outline: the arena.
-        trials: a trial by the name to print above it.
+        trials: an arena and a trial in it by the name to print above it.
+
+    Raises:
+        MacorError: Matplotlib is not installed.
+    """
+    figure = trials_figure(trials)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+
+
+def trials_figure(trials: Mapping[str, tuple[Outline, Trial]]) -> Any:
+    """Return ways side by side in one scale, the reinforcement of every command below each.
 
     Raises:
         MacorError: Matplotlib is not installed.
     """
     figure_type = _figure()
-    figure = figure_type(figsize=(4.2 * len(trials), 5.6), layout="constrained")
-    axes = figure.subplots(2, len(trials), squeeze=False, height_ratios=[4, 1], sharey="row")
-    for column, (name, trial) in enumerate(trials.items()):
-        above, below = axes[0][column], axes[1][column]
-        draw_way(above, outline, trial)
-        end = "collision" if trial.collided else "no collision"
-        above.set_title(f"{name}: {trial.length} commands, {end}", fontsize=10)
-        steps = range(1, trial.length + 1)
-        below.bar(steps, trial.reinforcement, width=0.8, color="tab:blue")
-        below.set(xlabel="command", ylim=(0.0, 1.0), xlim=(0.0, 41.0))
-        if column == 0:
-            below.set_ylabel("reinforcement")
-            above.set_ylabel("y in m")
-        above.set_xlabel("x in m")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    windows = way_windows(list(trials.values()))
+    (x0, x1), (y0, y1) = windows[0]
+    width = min(max(_TALL * (x1 - x0) / (y1 - y0), _NARROWEST), _WIDEST)
+    most = max(MAX_COMMANDS, *(trial.length for _, trial in trials.values()))
+    with drawing_style():
+        figure = figure_type(
+            figsize=(width * len(trials) + 0.8, min(width * (y1 - y0) / (x1 - x0), _TALL) + 2.6),
+            layout="constrained",
+        )
+        axes = figure.subplots(2, len(trials), squeeze=False, height_ratios=[4, 1], sharey=False)
+        for column, (name, (outline, trial)) in enumerate(trials.items()):
+            above, below = axes[0][column], axes[1][column]
+            draw_way(above, outline, trial, windows[column])
+            end = "collision" if trial.collided else "no collision"
+            above.set_title(f"{name}\n{trial.length} commands, {end}")
+            above.set_xlabel("x in m")
+            below.bar(range(1, trial.length + 1), trial.reinforcement, width=0.8)
+            below.set(xlabel="command", ylim=(0.0, 1.0), xlim=(0.0, most + 1.0))
+            if column == 0:
+                above.set_ylabel("y in m")
+                below.set_ylabel("earned")
+    return figure
 
 
 def draw_view(path: Path, eyes: PanoramaEyes, image: Image) -> None:
@@ -59,39 +82,72 @@ def draw_view(path: Path, eyes: PanoramaEyes, image: Image) -> None:
         MacorError: Matplotlib is not installed.
         CameraError: the image does not fit the mirror's geometry.
     """
+    figure_type = _figure()
     panorama = eyes.unwrap(image)
     features = eyes.fields(panorama).reshape(-1, len(CHANNELS)).T
-    figure = _figure()(figsize=(9.0, 5.0), layout="constrained")
-    shape = [["mirror", "panorama"], ["mirror", "fields"]]
-    axes = figure.subplot_mosaic(shape, width_ratios=[1, 1.6], height_ratios=[1.2, 1])
-    axes["mirror"].imshow(image[..., ::-1])
-    axes["mirror"].set_title("mirror image, straight ahead is up", fontsize=10)
-    axes["mirror"].axis("off")
-    extent = (
-        180.0,
-        -180.0,
-        degrees(eyes.mirror.low),
-        degrees(eyes.mirror.high),
-    )
-    axes["panorama"].imshow(panorama[..., ::-1], extent=extent, aspect="auto")
-    axes["panorama"].set_title("panorama", fontsize=10)
-    axes["panorama"].set_ylabel("elevation")
-    shown = axes["fields"].imshow(
-        features, extent=(180.0, -180.0, 2.5, -0.5), aspect="auto", vmin=0.0, vmax=1.0, cmap="gray"
-    )
-    axes["fields"].set_title("receptive fields", fontsize=10)
-    axes["fields"].set_yticks(range(len(CHANNELS)), CHANNELS)
-    figure.colorbar(shown, ax=axes["fields"])
-    for name in ("panorama", "fields"):
-        axes[name].set_xticks(range(180, -181, -90))
-        axes[name].set_xlabel("azimuth, left positive")
+    with drawing_style():
+        figure = figure_type(figsize=(9.0, 5.0), layout="constrained")
+        shape = [["mirror", "panorama"], ["mirror", "fields"]]
+        axes = figure.subplot_mosaic(shape, width_ratios=[1, 1.6], height_ratios=[1.2, 1])
+        axes["mirror"].imshow(image[..., ::-1])
+        axes["mirror"].set_title("mirror image\nstraight ahead is up")
+        axes["mirror"].axis("off")
+        elevations = degrees(eyes.mirror.low), degrees(eyes.mirror.high)
+        axes["panorama"].imshow(
+            panorama[..., ::-1], extent=(180.0, -180.0, *elevations), aspect="auto"
+        )
+        axes["panorama"].set_title("panorama")
+        axes["panorama"].set_ylabel("elevation")
+        shown = axes["fields"].imshow(
+            features,
+            extent=(180.0, -180.0, 2.5, -0.5),
+            aspect="auto",
+            vmin=0.0,
+            vmax=1.0,
+            cmap="gray",
+        )
+        axes["fields"].set_title("receptive fields")
+        axes["fields"].set_yticks(range(len(CHANNELS)), CHANNELS)
+        figure.colorbar(shown, ax=axes["fields"])
+        for name in ("panorama", "fields"):
+            axes[name].set_xticks(range(180, -181, -90))
+            axes[name].set_xlabel("azimuth in degrees, left positive")
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=100)
+    figure.savefig(path)
 
 
-def draw_way(axes: Any, outline: Outline, trial: Trial, width: float = 1.0) -> None:
-    """Draw the arena and the robot after every command; the last one red after a collision."""
+Window = tuple[tuple[float, float], tuple[float, float]]
+"""Least and greatest x, least and greatest y, in metres."""
+
+
+def way_windows(shown: Sequence[tuple[Outline, Trial]]) -> list[Window]:
+    """Return the part of the arena that each picture shows: what is driven, and what is near.
+
+    Trials in the same arena show the same part of it, and all parts are of one size, so that
+    pictures side by side have one scale.
+    """
+    boxes = []
+    for outline, _ in shown:
+        together = [trial for other, trial in shown if other == outline]
+        places = [(pose.x, pose.y) for trial in together for pose in trial.path]
+        margin = outline.robot_radius + _AROUND
+        boxes.append([(min(v) - margin, max(v) + margin) for v in zip(*places, strict=True)])
+    width, height = (max(high - low for low, high in sides) for sides in zip(*boxes, strict=True))
+    return [(_widened(x, width), _widened(y, height)) for x, y in boxes]
+
+
+def _widened(side: tuple[float, float], size: float) -> tuple[float, float]:
+    more = (size - (side[1] - side[0])) / 2
+    return side[0] - more, side[1] + more
+
+
+def draw_way(axes: Any, outline: Outline, trial: Trial, window: Window) -> None:
+    """Draw a part of the arena and the robot after every command.
+
+    The start is filled; the last circle is crossed out after a collision.
+    """
     from matplotlib.patches import Circle, Polygon
+    from matplotlib.ticker import MaxNLocator
 
     axes.set_facecolor(outline.floor)
     for solid in outline.solids:
@@ -99,13 +155,18 @@ def draw_way(axes: Any, outline: Outline, trial: Trial, width: float = 1.0) -> N
     radius = outline.robot_radius
     for number, pose in enumerate(trial.path):
         hit = trial.collided and number == len(trial.path) - 1
-        colour = "red" if hit else "white"
+        colour, width = (palette.VERMILION, 2.0) if hit else (palette.WHITE, 1.0)
         place = (pose.x, pose.y)
-        axes.add_patch(Circle(place, radius, fill=False, edgecolor=colour, linewidth=width))
+        face = palette.SKY if number == 0 else "none"
+        axes.add_patch(Circle(place, radius, facecolor=face, edgecolor=colour, linewidth=width))
         nose = pose.x + radius * cos(pose.heading), pose.y + radius * sin(pose.heading)
         axes.plot([pose.x, nose[0]], [pose.y, nose[1]], color=colour, linewidth=width)
+        if hit:
+            axes.plot(*place, "x", color=palette.VERMILION, markersize=12, markeredgewidth=3.0)
     axes.set_aspect("equal")
-    axes.autoscale_view()
+    axes.set(xlim=window[0], ylim=window[1])
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(4))
 
 
 def _figure() -> Any:

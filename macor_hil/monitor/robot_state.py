@@ -2,13 +2,14 @@
 
 from collections import deque
 from dataclasses import dataclass, field
-from math import hypot
+from enum import StrEnum
 from typing import Final
 
 from khepera_protocol.zenoh.controller_payloads import (
     Decision,
     Learned,
     Link,
+    Phase,
     State,
 )
 from khepera_protocol.zenoh.keys import CAMERA, EMULATOR, FRAME, PAYLOADS
@@ -18,9 +19,10 @@ from khepera_protocol.zenoh.payloads import (
     Pose,
     Truth,
     Wire,
-    WireEntry,
 )
 
+from macor_hil.monitor.line_state import LineState
+from macor_hil.monitor.way import Way
 from macor_hil.telemetry.feed import Arrival, Heard, Loss, NotTaken, Presence, Refusal
 
 _RATE_OVER: Final = 12
@@ -29,31 +31,38 @@ _RATE_OVER: Final = 12
 _HISTORY: Final = 2000
 """Decisions kept for curves and paths."""
 
-_WIRE_HISTORY: Final = 200
-"""Entries of the wire log kept."""
-
-_STEP: Final = 0.002
-"""Metres that the robot moves before its path gets another point."""
-
-_PATH: Final = 5_000
-"""Points of its path that are kept: ten metres and more."""
+_MARKS: Final = 200
+"""Collisions and failures kept."""
 
 _STOPPED: Final = 2.0
 """Seconds, and three times the usual pause, after which a stream has stopped."""
 
-_DRIVES: Final = ("C", "D", "P")
-"""Letters of requests that turn the wheels."""
-
-_TURNS: Final = 0.004
-"""m/s from which on a wheel turns."""
-
-_LATELY: Final = 5.0
-"""Seconds for which a request tells that a program is on the line."""
-
-_JUMP: Final = 0.05
-"""Metres between two truths beyond which the robot was put there."""
-
 _NS: Final = 1e-9
+
+
+class MarkKind(StrEnum):
+    """Kinds of what is marked on a way."""
+
+    COLLISION = "collision"
+    CONTACT = "contact"
+    FAILURE = "failure"
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A collision, the touch of a wall, or a failure.
+
+    Attributes:
+        kind: which of them.
+        sequence: the decision that it belongs to; None: no controller drove.
+        pose: where the robot was; None: unknown.
+        words: what is known of it.
+    """
+
+    kind: MarkKind
+    sequence: int | None
+    pose: Pose | None
+    words: str
 
 
 class Arrivals:
@@ -86,33 +95,23 @@ class Emulated:
         alive: whether an emulator is there.
         outline: its arena.
         truth: where the robot is.
-        path: where it was, oldest first, since it was put there.
+        way: where it was since it was put there.
         truths: times of its clock and poses, of late.
-        wire: the latest entries of its serial line.
-        wire_bytes: bytes that have passed since watching began.
-        asked, driven: when a request came on its line, and one that drives, on the clock of the
-            arrivals; None: never.
+        line: its serial line.
     """
 
     alive: bool = False
     outline: Outline | None = None
     truth: Truth | None = None
-    path: deque[Pose] = field(default_factory=lambda: deque(maxlen=_PATH))
+    way: Way = field(default_factory=Way)
     truths: deque[tuple[float, Pose]] = field(default_factory=lambda: deque(maxlen=600))
-    wire: deque[WireEntry] = field(default_factory=lambda: deque(maxlen=_WIRE_HISTORY))
-    wire_bytes: int = 0
-    asked: float | None = None
-    driven: float | None = None
+    line: LineState = field(default_factory=LineState)
 
     def place(self, truth: Truth) -> None:
         """Take in a ground truth."""
         self.truth = truth
         self.truths.append((truth.time, truth.pose))
-        way = _distance(self.path[-1], truth.pose) if self.path else 0.0
-        if way > _JUMP:
-            self.path.clear()
-        if not self.path or way >= _STEP:
-            self.path.append(truth.pose)
+        self.way.add(truth.pose)
 
     def pose_at(self, time: float) -> Pose | None:
         """Return the robot's pose at a time of its clock; None if it is not known."""
@@ -120,26 +119,6 @@ class Emulated:
             return None
         when, pose = min(self.truths, key=lambda known: abs(known[0] - time))
         return pose if abs(when - time) < 0.5 else None
-
-    def pass_by(self, wire: Wire, now: float | None) -> None:
-        """Take in what has passed on the line."""
-        self.wire.extend(wire.entries)
-        for entry in wire.entries:
-            if entry.what in ("request", "reply"):
-                self.wire_bytes += len(entry.text)
-            if entry.what == "request":
-                self.asked = now
-                if any(line.startswith(_DRIVES) for line in entry.text.splitlines()):
-                    self.driven = now
-
-    def client(self, now: float) -> str:
-        """Return what a program does that is no controller of ours; empty without one."""
-        turns = self.truth is not None and any(abs(v) > _TURNS for v in self.truth.speed)
-        if not self.alive:
-            return ""
-        if turns or _lately(self.driven, now):
-            return "a program that tells nothing of itself drives it"
-        return "a program talks to it" if _lately(self.asked, now) else ""
 
 
 @dataclass
@@ -187,6 +166,9 @@ class RobotState:
         controlled, emulated: what is known of either side, the one that is there or was last.
         frame: the latest picture, JPEG or PNG; the emulator's where no controller tells one.
         frames: arrivals of pictures.
+        marks: collisions and failures, oldest first.
+        left: when the controller went, on the clock of the arrivals; None: it is there, or never
+            was.
         not_taken: samples that were refused or lost.
         version: counts what came.
     """
@@ -196,15 +178,22 @@ class RobotState:
     emulated: Emulated = field(default_factory=Emulated)
     frame: bytes = b""
     frames: Arrivals = field(default_factory=Arrivals)
+    marks: deque[Mark] = field(default_factory=lambda: deque(maxlen=_MARKS))
+    left: float | None = None
     not_taken: NotTaken = field(default_factory=NotTaken)
     version: int = 0
+
+    @property
+    def alive(self) -> bool:
+        """True while either side is there."""
+        return self.controlled.alive or self.emulated.alive
 
     def take(self, event: Heard) -> None:
         """Take in an event; what cannot be read is trouble, and no more."""
         self.version += 1
         match event:
             case Presence():
-                self._meet(event.side, alive=event.alive)
+                self._meet(event.side, event.received * _NS, alive=event.alive)
             case Loss() | Refusal():
                 self.not_taken.count(event)
             case Arrival():
@@ -219,7 +208,7 @@ class RobotState:
         self.frame = picture
         self.frames.add(now)
 
-    def _meet(self, side: str, *, alive: bool) -> None:
+    def _meet(self, side: str, now: float, *, alive: bool) -> None:
         if side == EMULATOR:
             if alive:
                 self.emulated = Emulated()
@@ -228,6 +217,7 @@ class RobotState:
             if alive:
                 self.controlled, self.not_taken.last = Controlled(met=True), ""
             self.controlled.alive = alive
+            self.left = None if alive else now
 
     def _note(self, arrival: Arrival) -> None:
         now = arrival.received * _NS
@@ -240,24 +230,50 @@ class RobotState:
     def _read(self, payload: Payload, now: float | None) -> None:
         match payload:
             case Decision():
-                self.controlled.decide(payload, now)
+                self._decide(payload, now)
             case State():
-                self.controlled.state = payload
+                self._enter(payload)
             case Learned():
                 self.controlled.learned = payload
             case Link():
                 self.controlled.link = payload
             case Truth():
-                self.emulated.place(payload)
+                self._place(payload)
             case Outline():
                 self.emulated.outline = payload
             case Wire():
-                self.emulated.pass_by(payload, now)
+                self.emulated.line.take(payload, now)
 
+    def _decide(self, decision: Decision, now: float | None) -> None:
+        self.controlled.decide(decision, now)
+        if decision.sequence == 0:
+            self.marks.clear()  # another run
+        if decision.collided:
+            words = f"collision at command {decision.sequence}"
+            self.marks.append(Mark(MarkKind.COLLISION, decision.sequence, self.pose, words))
 
-def _lately(when: float | None, now: float) -> bool:
-    return when is not None and now - when < _LATELY
+    def _enter(self, state: State) -> None:
+        before, self.controlled.state = self.controlled.state, state
+        news = before is None or (before.phase, before.reason) != (state.phase, state.reason)
+        if news and state.phase in (Phase.RECOVERING, Phase.FAILED):
+            words = f"{state.phase.value}: {state.reason}"
+            self.marks.append(Mark(MarkKind.FAILURE, state.driven, self.pose, words))
 
+    def _place(self, truth: Truth) -> None:
+        before = self.emulated.truth
+        self.emulated.place(truth)
+        if truth.contact and not (before and before.contact):
+            decision = self.controlled.decision if self.controlled.alive else None
+            number = decision.sequence + 1 if decision else None
+            words = "the body touched something"
+            self.marks.append(Mark(MarkKind.CONTACT, number, truth.pose, words))
 
-def _distance(a: Pose, b: Pose) -> float:
-    return hypot(a.x - b.x, a.y - b.y)
+    @property
+    def pose(self) -> Pose | None:
+        """The robot's pose: the true one if it is told, else that of its encoders; None: unknown.
+
+        A robot without an emulator begins at the origin.
+        """
+        if self.emulated.truth:
+            return self.emulated.truth.pose
+        return self.controlled.decision.odometry.pose if self.controlled.decision else None

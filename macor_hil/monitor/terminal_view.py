@@ -1,5 +1,6 @@
 """Draws what is known of a controller; fits a terminal of 80 columns and 24 lines."""
 
+from collections.abc import Sequence
 from math import degrees
 from typing import Final
 
@@ -10,32 +11,33 @@ from khepera_protocol.zenoh.controller_payloads import (
     Alternative,
     Decision,
     Link,
-    Phase,
     State,
 )
+from rich.columns import Columns
 from rich.console import RenderableType
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from macor_hil.monitor.driving import driver_of
 from macor_hil.monitor.goals import goal_seen
-from macor_hil.monitor.robot_state import Arrivals, Controlled, Emulated, RobotState
+from macor_hil.monitor.robot_state import Arrivals, RobotState
 
-_BAR_WIDTH: Final = 32
+_BAR_WIDTH: Final = 24
 _MOST_ALTERNATIVES: Final = 5
 _EIGHTHS: Final = " ▏▎▍▌▋▊▉█"
 _LEVELS: Final = "▁▂▃▄▅▆▇█"
 _SENSORS: Final = tuple(
     name.replace("left", "L").replace("right", "R").replace("back", "back") for name in SENSORS
 )
-_PHASE_STYLES: Final = {
-    Phase.STARTING: "yellow",
-    Phase.DRIVING: "bold green",
-    Phase.LATE: "bold yellow",
-    Phase.RECOVERING: "bold yellow",
-    Phase.STOPPED: "bold cyan",
-    Phase.FAILED: "bold red",
+_MOODS: Final = {
+    "good": "bold green",
+    "busy": "bold yellow",
+    "calm": "bold cyan",
+    "bad": "bold red",
+    "gone": "yellow",
 }
+"""Styles of what is said of a driver, by its mood."""
 
 
 def render(watched: RobotState, now: float) -> RenderableType:
@@ -49,22 +51,28 @@ def render(watched: RobotState, now: float) -> RenderableType:
     rows.add_column(style="dim", no_wrap=True, min_width=13, max_width=13)
     rows.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
     seen = watched.controlled
-    rows.add_row("controller", _status(seen, watched.emulated.client(now)))
+    driver = driver_of(watched, now)
+    rows.add_row("driver", Text(driver.words, style=_MOODS[driver.mood]))
     if seen.state:
         _add_state(rows, seen.state)
-    rows.add_row("frames", _stream(watched.frames, now, f"{len(watched.frame) / 1000:.1f} kB"))
-    rows.add_row("decisions", _stream(seen.decisions, now, f"{seen.missed} missed"))
+    size = f"{len(watched.frame) / 1000:.1f} kB"
+    rows.add_row("frames", _stream(watched.frames, now, size, alive=watched.alive))
+    missed = f"{seen.missed} missed"
+    rows.add_row("decisions", _stream(seen.decisions, now, missed, alive=seen.alive))
     if seen.link:
         rows.add_row("link", _link(seen.link))
     if seen.decision:
         _add_decision(rows, seen.decision, [past.reinforcement for past in seen.history])
-        rows.add_row("wheels", Text(_wheels(seen.decision, watched.emulated)))
-        if seen.decision.collided:
-            rows.add_row("", Text("COLLISION", style="bold red"))
+    if readings := _readings(watched):
+        rows.add_row("infrared", _infrared(readings))
+    if wheels := _wheels(watched):
+        rows.add_row("wheels", Text(wheels))
+    if seen.decision and seen.decision.collided:
+        rows.add_row("", Text("COLLISION", style="bold red"))
     if trouble := watched.not_taken.words():
         rows.add_row("trouble", Text(trouble, style="red"))
     title = f"macor-hil monitor · {printable(watched.robot)}"
-    return Panel(rows, title=Text(title), border_style="green" if seen.alive else "dim")
+    return Panel(rows, title=Text(title), border_style="green" if watched.alive else "dim")
 
 
 def spark(values: list[float], width: int = 40) -> str:
@@ -81,42 +89,19 @@ def bar(share: float, width: int = _BAR_WIDTH) -> str:
     return ("█" * full + (_EIGHTHS[rest] if rest else "")).ljust(width)
 
 
-def _status(watched: Controlled, client: str) -> Text:
-    if not watched.alive:
-        what = f"none; {client}" if client else "waiting for a controller..."
-        return Text(f"{what}{_farewell(watched)}", style="yellow")
-    if watched.state is None:
-        return Text("there, nothing said yet", style="yellow")
-    state = watched.state
-    text = Text(state.phase.value, style=_PHASE_STYLES[state.phase])
-    text.append(f"  {state.driven} of {state.limit} commands", style="default not bold")
-    if state.reason:
-        text.append(f"  {printable(state.reason)}", style="default not bold")
-    return text
-
-
-def _farewell(watched: Controlled) -> str:
-    """Return how the controller that has gone ended, as far as it said."""
-    state = watched.state
-    if not watched.met or state is None:
-        return ""
-    if state.phase in (Phase.STOPPED, Phase.FAILED):
-        return printable(f"  the last one {state.phase.value}: {state.reason}")
-    return "  the last one vanished " + state.phase.value
-
-
 def _add_state(rows: Table, state: State) -> None:
     rows.add_row("drives", Text(printable(f"{state.port}, camera {state.camera}")))
     rows.add_row("by", Text(printable(f"{state.planner} planner, map {state.map}")))
 
 
-def _stream(arrivals: Arrivals, now: float, extra: str) -> Text:
+def _stream(arrivals: Arrivals, now: float, extra: str, *, alive: bool) -> Text:
     age = arrivals.age(now)
     if age is None:
         return Text("none yet", style="dim")
     rate = arrivals.rate(now)
-    often = "  -  /s" if rate is None else f"{rate:5.1f}/s"
-    return Text(f"{often}  {extra}  last one {age:.1f} s ago")
+    often = "  -  /s" if rate is None else f"{rate if alive else 0.0:5.1f}/s"
+    style = "" if alive else "dim"
+    return Text(f"{often}  {extra}  last one {age:.1f} s ago", style=style)
 
 
 def _link(link: Link) -> Text:
@@ -126,13 +111,25 @@ def _link(link: Link) -> Text:
     return text
 
 
-def _wheels(decision: Decision, emulated: Emulated) -> str:
-    left, right = decision.odometry.counters
-    text = f"counters {left} {right}"
+def _readings(watched: RobotState) -> Sequence[int]:
+    """Return the infrared readings: the line's where no controller of ours tells any."""
+    line, decision = watched.emulated.line, watched.controlled.decision
+    if decision is not None and watched.controlled.alive:
+        return decision.infrared
+    if line.proximity is not None:
+        return line.proximity.values
+    return decision.infrared if decision else ()
+
+
+def _wheels(watched: RobotState) -> str:
+    emulated, decision = watched.emulated, watched.controlled.decision
+    counters = decision.odometry.counters if decision else emulated.line.counters
+    parts = ["counters {} {}".format(*counters)] if counters else []
     if emulated.alive and emulated.truth:
-        speeds = [round(1000 * speed) for speed in emulated.truth.speed]
-        text += f"  speeds {speeds[0]} and {speeds[1]} mm/s"
-    return text
+        parts.append(
+            "speeds {} and {} mm/s".format(*(round(1000 * v) for v in emulated.truth.speed))
+        )
+    return "  ".join(parts)
 
 
 def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) -> None:
@@ -140,7 +137,7 @@ def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) 
     resonance = (
         Text("resonates", style="green")
         if seen.resonant
-        else Text("unknown, the nearest one", style="yellow")
+        else Text("no match, nearest used", style="yellow")
     )
     rows.add_row(
         "situation",
@@ -155,7 +152,6 @@ def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) 
     total = Text(f"last {decision.reinforcement:.2f}  total {decision.total_reinforcement:.2f}  ")
     total.append(spark(reinforcements, 40), style="green")
     rows.add_row("reinforcement", total)
-    rows.add_row("infrared", _infrared(decision.infrared))
     pose = decision.odometry.pose
     rows.add_row(
         "odometry",
@@ -182,22 +178,20 @@ def _alternative(alternative: Alternative, top: float, *, driven: bool) -> Text:
         share = abs(value) / top if top > 0.0 else 0.0
         text = Text(f"{bar(share)} {value:8.3f}", style="red" if value < 0.0 else "blue")
     if driven:
-        text.append("  ◀ driven", style="bold green")
+        text.append(" ◀ driven", style="bold green")
     return text
 
 
-def _infrared(readings: list[int]) -> Table:
-    table = Table.grid(padding=(0, 1))
-    for _ in readings:
-        table.add_column(justify="right", width=6)
-    table.add_row(*(Text(name, style="dim") for name in _SENSORS))
-    table.add_row(
-        *(
-            Text(f"{_level(reading / PROXIMITY_FULL)} {reading:4}", style=_proximity(reading))
-            for reading in readings
+def _infrared(readings: Sequence[int]) -> RenderableType:
+    """Return the readings with their sensors' names, on as many lines as they take."""
+    each = [
+        Text.assemble(
+            (f"{name:<6} ", "dim"),
+            (f"{_level(reading / PROXIMITY_FULL)} {reading:4}", _proximity(reading)),
         )
-    )
-    return table
+        for name, reading in zip(_SENSORS, readings, strict=False)
+    ]
+    return Columns(each, padding=(0, 1), equal=True)
 
 
 def _proximity(reading: int) -> str:

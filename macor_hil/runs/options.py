@@ -2,10 +2,11 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
 from khepera_protocol.options import Cli
 from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT
+from khepera_protocol.zenoh.controller_payloads import Steer
 from pydantic import Field, field_validator
 
 from macor_hil.errors import MacorError
@@ -50,6 +51,13 @@ class RecoveryChoice(StrEnum):
     BACK = "back"
 
 
+class AfterCollision(StrEnum):
+    """Ways of going on after a collision in a live run."""
+
+    STOP = "stop"
+    BACK_OFF = "back-off"
+
+
 class TrainOptions(SeedOptions, ProfileOptions, SpeedOptions, DeviceOptions, MapOptions):
     """A training on a robot."""
 
@@ -78,7 +86,7 @@ class TrainOptions(SeedOptions, ProfileOptions, SpeedOptions, DeviceOptions, Map
     )
     listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
         default=(),
-        description="Where watchers find an emulated robot inside this process.",
+        description="Where watchers find this training, and an emulated robot inside this process.",
     )
     restart: Annotated[bool, Cli(flags=("--restart",))] = Field(
         default=False, description="Begin anew, even with a map or checkpoint there."
@@ -116,12 +124,33 @@ class RunOptions(
         description="Drive to what the camera sees, with the planner goal: {names}. The run ends"
         " there, or with the last command.",
     )
-    commands: int = Field(default=MAX_COMMANDS, ge=1, description="Commands to drive at most.")
+    commands: int = Field(
+        default=MAX_COMMANDS, ge=0, description="Commands to drive at most; 0: without end."
+    )
+    after_collision: AfterCollision = Field(
+        default=AfterCollision.STOP,
+        description="After a collision: end, or drive back, turn where there is no way back, and go"
+        " on.",
+    )
+    learn: Annotated[bool, Cli(flags=("--learn",))] = Field(
+        default=False, description="Learn on while driving, and keep what is learned in the map."
+    )
+    save_every: int = Field(
+        default=50,
+        ge=1,
+        description="Commands after which --learn writes the map; all ends but a kill write it,"
+        " too.",
+    )
     listen: Annotated[tuple[str, ...], Cli(metavar="ENDPOINT")] = Field(
         default=(CONTROLLER_ENDPOINT,), description="Where watchers find this controller."
     )
     stop_key: Annotated[bool, Cli(flags=("--stop-key",))] = Field(
         default=False, description="Let whoever reaches macor/NAME/stop end the run."
+    )
+    steer_key: Annotated[bool, Cli(flags=("--steer-key",))] = Field(
+        default=False,
+        description="Let whoever reaches macor/NAME/steer pause the run and choose planner and"
+        " goal.",
     )
     camera_limit: float = Field(
         default=DEFAULT_LIMIT,
@@ -134,10 +163,25 @@ class RunOptions(
         ge=0.01,
         description="Seconds of planning after which watchers are told.",
     )
+    wait: float = Field(
+        default=0.0,
+        ge=0.0,
+        allow_inf_nan=True,
+        description="Seconds to wait for port and camera to be there at the start; inf: as long as"
+        " it takes.",
+    )
     recovery: float = Field(
         default=30.0,
         ge=0.0,
-        description="Seconds to go on trying when robot or camera fail; 0: a failure ends the run.",
+        allow_inf_nan=True,
+        description="Seconds to go on trying when robot or camera fail; 0: a failure ends the run;"
+        " inf: never give up.",
+    )
+    metrics_port: int | None = Field(
+        default=None,
+        ge=1,
+        le=65535,
+        description="TCP port for Prometheus, on this machine only: http://127.0.0.1:PORT/metrics.",
     )
 
     @field_validator("goal")
@@ -153,6 +197,17 @@ class RunOptions(
         """Name of the planner: where a goal is given, the one that drives to goals."""
         default = RunOptions.model_fields["planner"].default
         return _TO_GOALS if self.goal and self.planner == default else self.planner
+
+    def steered(self, wish: Steer) -> Self:
+        """Return these options with another planner or goal.
+
+        Raises:
+            MacorError: there is no such goal.
+        """
+        planner = wish.planner or (_TO_GOALS if wish.goal else self.planner_name)
+        goal = wish.goal if wish.goal is not None or planner != _TO_GOALS else self.goal
+        name = destination(goal).name if goal else ""
+        return self.model_copy(update={"planner": planner, "goal": name})
 
     def make_planner(self) -> Planner:
         """Make the planner with its settings, the goal among them.

@@ -1,11 +1,14 @@
-"""Recovery from failures of robot and camera, in live runs and in training."""
+"""Waiting for robot and camera: until they are there, and until they work again."""
 
+import time
 from collections.abc import Callable
-from typing import Final
+from typing import Final, TypeVar
 
-from macor_hil.errors import CameraError, MacorError, RobotError
+from macor_hil.errors import CameraError, MacorError, RobotError, is_refused
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, is_hopeless
-from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robots.robot import Robot
+
+_T = TypeVar("_T")
 
 Ask = Callable[[str], None]
 """Shows what an operator is needed for, and returns when that has been done."""
@@ -17,7 +20,7 @@ _PAUSE: Final = 0.2
 
 
 def wait_until_both_work(
-    robot: Khepera,
+    robot: Robot,
     camera: CheckedCamera,
     patience: float,
     check: Callable[[], None] = lambda: None,
@@ -35,23 +38,66 @@ def wait_until_both_work(
     """
     deadline = robot.clock() + patience
     for attempt in (lambda: robot.recover(_SLICE), camera.grab):
-        _until(deadline, attempt, robot, check)
+        while not _works(attempt, camera, last=robot.clock() > deadline, check=check):
+            robot.wait(_PAUSE)
 
 
-def _until(
-    deadline: float, attempt: Callable[[], object], robot: Khepera, check: Callable[[], None]
-) -> None:
-    """Try something until it works, or until a deadline."""
+def _works(
+    attempt: Callable[[], object], camera: CheckedCamera, *, last: bool, check: Callable[[], None]
+) -> bool:
+    """Try something; what fails for the last time, or cannot come to work, is raised."""
+    check()
+    try:
+        attempt()
+    except (RobotError, CameraError) as error:
+        if last or (is_refused(error) and not camera.worked):
+            raise
+        return False
+    return True
+
+
+def wait_for(
+    attempt: Callable[[], _T],
+    patience: float,
+    check: Callable[[], None],
+    missing: Callable[[str], object],
+) -> _T:
+    """Wait for a device that is not there yet.
+
+    Args:
+        attempt: opens it.
+        patience: seconds to go on trying.
+        check: raises where the program is to end.
+        missing: told why it is not there, whenever that changes.
+
+    Raises:
+        RobotError, CameraError: it does not come in time, or will never fit.
+    """
+    deadline, said = time.monotonic() + patience, ""
     while True:
         check()
         try:
-            attempt()
-        except (RobotError, CameraError):
-            if robot.clock() > deadline:
+            return attempt()
+        except (RobotError, CameraError) as error:
+            if is_refused(error) or time.monotonic() >= deadline:
                 raise
-            robot.wait(_PAUSE)
-        else:
-            return
+            if str(error) != said:
+                said = str(error)
+                missing(said)
+        time.sleep(_PAUSE)
+
+
+def pause(seconds: float, check: Callable[[], None]) -> None:
+    """Let time pass while the robot stands.
+
+    Args:
+        seconds: how long.
+        check: raises where the program is to end.
+    """
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        check()
+        time.sleep(_PAUSE)
 
 
 class TrainingRecovery:
@@ -64,7 +110,7 @@ class TrainingRecovery:
     """
 
     def __init__(
-        self, robot: Khepera, camera: CheckedCamera, ask: Ask | None = None, patience: float = 30.0
+        self, robot: Robot, camera: CheckedCamera, ask: Ask | None = None, patience: float = 30.0
     ) -> None:
         self._robot = robot
         self._camera = camera

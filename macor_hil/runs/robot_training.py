@@ -8,7 +8,7 @@ from macor_hil.hardware.devices import Hardware
 from macor_hil.hardware.driver import Driver, DriveSettings, all_of
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.checkpoints import train_map
+from macor_hil.runs.learning.checkpoints import train_map
 from macor_hil.runs.options import TrainOptions
 from macor_hil.runs.recovery import Ask, TrainingRecovery
 from macor_hil.runs.training import Recovery

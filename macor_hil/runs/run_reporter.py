@@ -1,28 +1,33 @@
 """Reports of a live run: what watchers and the caller are told while it drives."""
 
 import logging
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from math import inf
 from types import TracebackType
 from typing import Self
 
+from khepera_protocol.system.supervisor import NOBODY, Supervisor
 from khepera_protocol.validation import first_fault
 from khepera_protocol.zenoh.controller_payloads import Decision, Odometry, Phase, State
 from khepera_protocol.zenoh.payload_model import MOST_TEXT
 from khepera_protocol.zenoh.payloads import Pose
 from pydantic import ValidationError
 
-from macor_hil.hardware.cameras import Camera
-from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.cameras import Camera, Frame
+from macor_hil.hardware.line.line_statistics import Durations, Meter
 from macor_hil.hardware.odometry import Wheels, integrate
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.planner import Aim
 from macor_hil.runs.agent import Step
 from macor_hil.runs.decision_samples import decision_of, learned_of, link_of
 from macor_hil.runs.options import RunOptions
 from macor_hil.safety.interruption import Interruption
+from macor_hil.telemetry.metrics import Figures
 from macor_hil.telemetry.publisher import Publisher, PublishingCamera
 from macor_hil.telemetry.steady_clock import SteadyClock
 
@@ -50,6 +55,8 @@ class RunReport:
         reinforcement: their sum.
         signal: what interrupted it, such as SIGTERM or the stop key; empty otherwise.
         recoveries: failures of robot or camera that it recovered from; each cost a command.
+        collisions: how many there were.
+        learned: commands learned while driving, in this run and in those before.
     """
 
     ending: Ending
@@ -57,6 +64,8 @@ class RunReport:
     reinforcement: float
     signal: str = ""
     recoveries: int = 0
+    collisions: int = 0
+    learned: int = 0
 
     @property
     def collided(self) -> bool:
@@ -74,11 +83,15 @@ class RunReporter:
         start: where odometry begins.
         publisher: tells watchers; None: nobody watches.
         on_step: hears every decision when its outcome is known.
+        supervisor: who has started the program, and is told the state.
 
     Attributes:
         driven: commands so far.
         total: their reinforcement.
         recoveries: failures that the run recovered from.
+        collisions: how many there were.
+        lived: commands learned while driving, those of earlier runs included.
+        plans, commands: times of planning, and from one decision to the next.
         ending: why it ended.
     """
 
@@ -90,11 +103,17 @@ class RunReporter:
         start: Pose,
         publisher: Publisher | None = None,
         on_step: OnStep | None = None,
+        supervisor: Supervisor = NOBODY,
     ) -> None:
         self.driven = 0
         self.total = 0.0
-        self.recoveries = 0
+        self.recoveries = self.collisions = self.lived = 0
+        self.plans, self.commands = Durations(), Durations()
         self.ending = Ending.INTERRUPTED
+        self._supervisor = supervisor
+        self._phase = Phase.STARTING
+        self._meter = Meter()
+        self._seen = self._decided = -inf
         self._interruption = interruption
         self._options = options
         self._wheels = wheels
@@ -123,17 +142,47 @@ class RunReporter:
 
     def report(self) -> RunReport:
         """Return the outcome of the run."""
-        by = self._interruption.name
-        return RunReport(self.ending, self.driven, self.total, by, self.recoveries)
+        return RunReport(
+            self.ending,
+            self.driven,
+            self.total,
+            self._interruption.name,
+            self.recoveries,
+            self.collisions,
+            self.lived,
+        )
 
-    def follow(self, robot: Khepera) -> None:
-        """Take the time from an embedded robot."""
+    def figures(self) -> Figures:
+        """Return the figures of this moment; for other threads."""
+        age = time.monotonic() - self._seen
+        return Figures(
+            decisions=self.driven,
+            collisions=self.collisions,
+            recoveries=self.recoveries,
+            learned=self.lived,
+            failures=self._meter.failures,
+            waiting=self._publisher.waiting if self._publisher else 0,
+            camera_age=None if age == inf else age,
+            driving=self._phase is Phase.DRIVING,
+            exchanges=self._meter.times,
+            plans=self.plans,
+            commands=self.commands,
+        )
+
+    def follow(self, robot: Robot) -> None:
+        """Take the time from an embedded robot, and the figures of its line."""
+        self._meter = robot.meter
         if self._options.address.embedded:
             self._clock = robot.clock
 
     def watched(self, camera: Camera) -> Camera:
         """Return a camera whose pictures watchers see, too."""
-        return PublishingCamera(camera, self._publisher.frame) if self._publisher else camera
+        return PublishingCamera(camera, self._picture)
+
+    def _picture(self, frame: Frame) -> None:
+        self._seen = time.monotonic()
+        if self._publisher:
+            self._publisher.frame(frame)
 
     def check(self) -> None:
         """Raise an error where watchers are told nothing any more."""
@@ -147,13 +196,24 @@ class RunReporter:
             with _telling():
                 self._publisher.learned(learned_of(brain), self._time)
 
+    def missing(self, why: str) -> None:
+        """Tell that robot or camera are waited for, and why."""
+        _log.warning("waiting: %s", why)
+        self.say(Phase.STARTING, why)
+
     def begin(self) -> None:
         """Tell that the robot drives, or drives again: its counters begin at 0."""
         self._time = self._clock()
+        self._decided = time.monotonic()
         self._odometry = Odometry(pose=self._odometry.pose, counters=(0, 0))
         self.say(Phase.DRIVING)
 
-    def count(self, step: Step, robot: Khepera, aim: Aim | None = None) -> None:
+    def change_course(self, options: RunOptions) -> None:
+        """Tell of another planner or goal from now on."""
+        self._options = options
+        self.say(Phase.DRIVING)
+
+    def count(self, step: Step, robot: Robot, aim: Aim | None = None) -> None:
         """Count a step, and tell it.
 
         Args:
@@ -162,6 +222,10 @@ class RunReporter:
             aim: the planner's goal as it is seen after it; None: it has none.
         """
         self._time = self._clock()
+        now = time.monotonic()
+        self.commands.add(now - self._decided)
+        self._decided = now
+        self.collisions += step.outcome.collided
         self.total += step.reinforcement
         self.move_to(step.outcome.counters)
         sequence, self.driven = self.driven, self.driven + 1
@@ -190,6 +254,8 @@ class RunReporter:
 
     def say(self, phase: Phase, reason: str = "") -> None:
         """Tell how the run is, and why."""
+        self._phase = phase
+        self._supervisor.status(f"{phase.value}: {reason}" if reason else phase.value)
         if self._publisher is None:
             return
         options = self._options

@@ -15,8 +15,6 @@ on where it was left, command by command: sessions as long as a battery lasts ad
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from math import pi
-from typing import Final
 
 import numpy as np
 from khepera_protocol.zenoh.payloads import Reset
@@ -26,6 +24,7 @@ from macor_hil.errors import CameraError, RobotError
 from macor_hil.hardware.bench import Bench
 from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.driver import Driver
+from macor_hil.hardware.way_out import STUCK, drive_away
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Seen
@@ -34,9 +33,6 @@ from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.agent import Agent, Choice, View
 from macor_hil.runs.recovery import TrainingRecovery
-
-_STUCK: Final = 8
-"""Collisions with the first command in a row after which driving back does not help."""
 
 
 class Recovery(StrEnum):
@@ -229,13 +225,11 @@ class Trainer:
             self._resetting.reset(Reset(random=True))
             return
         try:
-            self._driver.back_off(int(rng.integers(3, 9)))
-            if at_once:  # there was no way back worth the name
-                self._driver.turn(float(rng.uniform(-pi, pi)))
+            drive_away(self._driver, rng, turn=at_once)
         except (RobotError, CameraError) as error:
             self._recover_from(error)
         self._stuck = self._stuck + 1 if at_once else 0
-        if self._stuck >= _STUCK and self._rescue is not None:
+        if self._stuck >= STUCK and self._rescue is not None:
             self._rescue.free()
             self._stuck = 0
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import count
 from math import radians
 
 import numpy as np
@@ -70,19 +71,31 @@ def fallback(rng: np.random.Generator) -> Callable[[], int]:
 
 
 def drive(
-    agent: Agent, planner: Planner, rng: np.random.Generator, commands: int = MAX_COMMANDS
+    agent: Agent,
+    planner: Planner,
+    rng: np.random.Generator,
+    commands: int | None = MAX_COMMANDS,
+    *,
+    learn: bool = False,
 ) -> Iterator[Step]:
     """Drive by a planner until a collision, the last command, or its goal, where it has one.
+
+    Args:
+        agent: drives.
+        planner: chooses.
+        rng: source of commands where the planner knows of none.
+        commands: to drive at most; None: without end.
+        learn: whether the brain learns meanwhile.
 
     Raises:
         RobotError, CameraError: the hardware fails.
     """
     choose = agent.planned(planner, fallback(rng))
-    view = agent.begin(learn=False)
-    for _ in range(commands):
+    view = agent.begin(learn=learn)
+    for _ in count() if commands is None else range(commands):
         if is_over(aim_of(planner, view.moment)):
             return
-        step = agent.step(view, choose, learn=False)
+        step = agent.step(view, choose, learn=learn)
         yield step
         if step.outcome.collided:
             return

@@ -18,12 +18,16 @@ from khepera_protocol.zenoh.controller_payloads import (
     Phase,
     Situation,
     State,
+    Steer,
 )
 from khepera_protocol.zenoh.payload_model import Payload
 from khepera_protocol.zenoh.payloads import (
     CameraQuery,
+    FaultsOn,
+    FaultSwitch,
     Outline,
     Pose,
+    Push,
     Reset,
     Solid,
     Stamp,
@@ -42,6 +46,10 @@ _ALL: Final[tuple[Payload, ...]] = (
     CameraQuery(view="panorama", encoding="jpeg"),
     Stop(stop=True),
     Reset(pose=Pose(x=0.1, y=0.2, heading=1.57), seed=3),
+    Push(thing=0, x=0.3, y=0.05),
+    FaultSwitch(on=["dead-sensor:sensor=2", "drop:p=0.01"], off=["cut"]),
+    FaultsOn(kinds=["dead-sensor", "drop"]),
+    Steer(planner="goal", goal="red"),
     Truth(
         time=12.5,
         pose=Pose(x=0.103, y=-0.002, heading=0.01),

@@ -135,8 +135,7 @@ class Feed:
     Args:
         session: an open session, which stays its owner's.
         robot: the robot's name in the keys.
-        camera: subscribe to the emulator's own picture stream, too, while there is no controller
-            that tells what it sees. It costs the emulator a picture ten times a second.
+        camera: see `look`.
 
     Attributes:
         clock: of the times that events carry.
@@ -155,7 +154,8 @@ class Feed:
         self._answered: dict[Key, tuple[zenoh.Timestamp, int]] = {}
         self._unanswered: dict[str, set[Key]] = {}
         self._alive: set[str] = set()
-        self._camera: ExitStack | None = ExitStack() if camera else None
+        self._looking = camera
+        self._camera = ExitStack()
         self._camera_on = False
         with ExitStack() as stack:
             for key in KEYS:
@@ -167,8 +167,7 @@ class Feed:
                     ALIVE[side].of(robot), self._meeting(side), history=True
                 )
                 stack.enter_context(token)
-            if self._camera:
-                stack.callback(self._camera.close)
+            stack.callback(self._camera.close)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -190,13 +189,23 @@ class Feed:
             if event is not None:
                 return event
 
+    def look(self, on: bool) -> None:
+        """Subscribe to the emulator's own pictures, or no longer.
+
+        They come while there is no controller that tells what it sees, and cost the emulator a
+        picture ten times a second.
+        """
+        if on != self._looking:
+            self._looking = on
+            self._choose_camera()
+
     def introduced(self, side: str) -> bool:
         """Return whether a side has been there and has answered what it was asked for."""
         return self._unanswered.get(side) == set()
 
     def _choose_camera(self) -> None:
-        wanted = self._alive == {EMULATOR}
-        if self._camera is None or wanted == self._camera_on:
+        wanted = self._looking and self._alive == {EMULATOR}
+        if wanted == self._camera_on:
             return
         self._camera_on = wanted
         if wanted:

@@ -73,11 +73,21 @@ class Publisher:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
+    @property
+    def seen(self) -> bool:
+        """True while anyone listens to pictures."""
+        return self._frames.heard
+
+    @property
+    def waiting(self) -> int:
+        """Number of samples that have not gone out yet."""
+        return self._sender.waiting
+
     def check(self) -> None:
         """Check that samples still go out; for the loop that drives.
 
         Raises:
-            TelemetryError: the thread that sends it has ended.
+            TelemetryLostError: the thread that sends it has ended.
         """
         self._sender.check()
 
@@ -129,8 +139,12 @@ class _FrameKey:
         self._publisher = SamplePublisher(session, self._writer.name, zenoh.Priority.DATA_LOW)
         stack.callback(self._publisher.close)
 
+    @property
+    def heard(self) -> bool:
+        return self._publisher.heard
+
     def put(self, frame: Frame) -> None:
-        if not self._publisher.heard:
+        if not self.heard:
             return
         try:
             done, data = cv2.imencode(".jpeg", frame.image)

@@ -8,7 +8,7 @@ from typing import Final, Self
 import zenoh
 from pydantic import ValidationError
 
-from macor_hil.errors import TelemetryError
+from macor_hil.errors import TelemetryError, TelemetryLostError
 from macor_hil.safety.helper_thread import HelperThread
 
 _log = logging.getLogger(__name__)
@@ -54,14 +54,19 @@ class Sender:
             _log.warning("telemetry is too slow: samples are dropped")
         self._dropped += 1
 
+    @property
+    def waiting(self) -> int:
+        """Number of actions that are not yet carried out."""
+        return self._actions.qsize()
+
     def check(self) -> None:
         """Check that actions are still carried out.
 
         Raises:
-            TelemetryError: the thread has ended.
+            TelemetryLostError: the thread has ended.
         """
         if why := self._thread.ended():
-            raise TelemetryError(f"nothing can be told of the run any more: {why}")
+            raise TelemetryLostError(f"nothing can be told of the run any more: {why}")
 
     def _run(self) -> None:
         while action := self._actions.get():

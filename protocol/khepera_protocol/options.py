@@ -12,6 +12,7 @@ else. `takes(Model)` turns a function of such models into a command of Typer:
 
 gives `build --width 4`. With `--config FILE` a TOML file gives values, by the options' names; what
 stands on the command line wins over the environment (PROGRAM_COMMAND_OPTION), that over the file.
+A file for a whole program has a table for each command, such as `[build]` (`config_file`).
 """
 
 import inspect
@@ -80,9 +81,10 @@ def takes(*models: type[BaseModel], config: bool = True) -> Callable[..., Callab
         @wraps(function)
         def command(**values: Any) -> None:
             values.pop(CONFIG, None)
-            made = [_made(model, values, _flag) for model in models]
+            made = [checked(model, values, _flag) for model in models]
             function(*made, **values)
 
+        command.models = models  # type: ignore[attr-defined]
         own = inspect.signature(function).parameters
         rest = [own[name] for name in names[len(models) :]]
         options = [each for model in models for each in parameters(model)]
@@ -118,7 +120,7 @@ def from_strings(model: type[_M], pairs: Iterable[tuple[str, str]]) -> _M:
             raise OptionError(f"{name} is given twice")
         else:
             values[field] = text
-    return _made(model, values)
+    return checked(model, values, outside)
 
 
 def to_strings(options: BaseModel, *, defaults: bool = False) -> list[tuple[str, str]]:
@@ -135,46 +137,66 @@ def to_strings(options: BaseModel, *, defaults: bool = False) -> list[tuple[str,
         if value is None or (value == default and not defaults):
             continue
         values = value if isinstance(value, list | tuple) else [value]
-        pairs += [(_outside(name), str(each)) for each in values]
+        pairs += [(outside(name), str(each)) for each in values]
     return pairs
 
 
-def read_config(path: Path, names: Mapping[str, str]) -> dict[str, Any]:
-    """Read a TOML file of options.
-
-    Args:
-        path: of the file; keys are options' names, with dashes or underscores.
-        names: the field of each option by the option's name, with underscores.
+def read_document(path: Path) -> dict[str, Any]:
+    """Read a TOML file of options, whatever it says.
 
     Raises:
-        OptionError: it cannot be read, or names an option that there is not.
+        OptionError: it cannot be read, or is no TOML.
     """
     try:
         with path.open("rb") as file:
-            document = parse_toml(file.read(MAX_DOCUMENT + 1))
+            return parse_toml(file.read(MAX_DOCUMENT + 1))
     except OSError as error:
         raise OptionError(f"cannot read {printable(str(path))}: {error.strerror}") from None
     except DocumentError as error:
         raise OptionError(f"{printable(str(path))}: {error}") from None
+
+
+def values_in(table: Mapping[str, Any], command: Any) -> dict[str, Any]:
+    """Return the values of a command's fields that a table of a file gives.
+
+    Args:
+        table: keys are options' names, with dashes or underscores.
+        command: of Typer.
+
+    Raises:
+        OptionError: it names an option that there is not, or a value is a table.
+    """
+    options = {
+        _written(each): each for each in command.params if each.name not in (None, CONFIG, "help")
+    }
     values = {}
-    for key, value in document.items():
-        name = key.replace("-", "_")
-        if name not in names:
-            raise OptionError(f"{printable(str(path))}: {_unknown(key, list(names))}")
+    for key, value in table.items():
+        option = options.get(key.replace("-", "_"))
+        if option is None:
+            raise OptionError(_unknown(key, list(options)))
         if isinstance(value, dict):
-            raise OptionError(f"{printable(str(path))}: {key} is a value, not a table")
-        values[names[name]] = value
+            raise OptionError(f"{key} is a value, not a table")
+        several = option.multiple and not isinstance(value, list)
+        values[option.name] = [value] if several else value
     return values
 
 
-def _made(
-    model: type[_M], values: dict[str, Any], shown: Callable[[object], str] | None = None
-) -> _M:
+def checked(model: type[_M], values: dict[str, Any], shown: Callable[[object], str]) -> _M:
+    """Make a model from those values that are its fields', and take them away.
+
+    Args:
+        model: of the options.
+        values: of its fields, and others.
+        shown: says what a field is called where the values come from.
+
+    Raises:
+        OptionError: one does not fit, or is missing.
+    """
     own = {name: values.pop(name) for name in model.model_fields if name in values}
     try:
         return model.model_validate(own)
     except ValidationError as error:
-        raise OptionError(problems(error, shown or _outside)) from None
+        raise OptionError(problems(error, shown)) from None
 
 
 def _parameter(name: str, field: FieldInfo) -> inspect.Parameter:
@@ -220,14 +242,14 @@ def _is_argument(parameter: inspect.Parameter) -> bool:
     )
 
 
-def _outside(name: object) -> str:
-    """Return what a field is called on command lines, in files and in URLs."""
+def outside(name: object) -> str:
+    """Return what a field is called in files and in URLs; on the command line with two dashes."""
     return str(name).replace("_", "-")
 
 
 def _flag(name: object) -> str:
     """Return what a field is called on the command line."""
-    return f"--{_outside(name)}"
+    return f"--{outside(name)}"
 
 
 def _field_of(model: type[BaseModel], name: str) -> str:
@@ -238,7 +260,7 @@ def _field_of(model: type[BaseModel], name: str) -> str:
 
 
 def _unknown(name: str, names: Sequence[str]) -> str:
-    shown = list(map(_outside, names))
+    shown = list(map(outside, names))
     hint = did_you_mean(name, shown)
     return f"unknown option {quoted(name, 80)}; {hint}there are {', '.join(shown)}"
 
@@ -252,18 +274,29 @@ def _written(parameter: Any) -> str:
 def _take_config(context: typer.Context, path: Path | None) -> Path | None:
     """Let a file's values stand for the defaults of the command that is being read."""
     if path is not None and not context.resilient_parsing:
-        names = {
-            _written(each): each.name
-            for each in context.command.params
-            if each.name not in (None, CONFIG)
-        }
         defaults: Mapping[str, Any] = context.default_map or {}
         try:
-            values = read_config(path, names)
+            document = _said_of_command(read_document(path), context)
         except OptionError as error:
             raise typer.BadParameter(str(error)) from None
+        try:
+            values = values_in(document, context.command)
+        except OptionError as error:
+            raise typer.BadParameter(f"{printable(str(path))}: {error}") from None
         context.default_map = {**defaults, **values}
     return path
+
+
+def _said_of_command(document: Mapping[str, Any], context: typer.Context) -> dict[str, Any]:
+    """Return what a file says of the command that is being read: all but other commands' tables."""
+    commands = getattr(context.parent and context.parent.command, "commands", {})
+    tables = {
+        name: value
+        for name, value in document.items()
+        if isinstance(value, dict) and name in commands
+    }
+    rest = {name: value for name, value in document.items() if name not in tables}
+    return {**rest, **tables.get(context.info_name or "", {})}
 
 
 _CONFIG_OPTION: Final = inspect.Parameter(
@@ -274,7 +307,8 @@ _CONFIG_OPTION: Final = inspect.Parameter(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="TOML file of these options; the command line wins over it.",
+            help="TOML file of these options, or of the whole program with a table for each"
+            " command; the command line and the environment win over it.",
             show_envvar=False,
             callback=_take_config,
             is_eager=True,

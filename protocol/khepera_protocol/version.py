@@ -8,9 +8,18 @@ import typer
 DISTRIBUTION: Final = "khepera-macor"
 
 
+def installed_version() -> str:
+    """Return the version of the installed distribution.
+
+    Raises:
+        importlib.metadata.PackageNotFoundError: it is not installed.
+    """
+    return version(DISTRIBUTION)
+
+
 def _show(asked: bool) -> None:
     if asked:
-        typer.echo(f"{DISTRIBUTION} {version(DISTRIBUTION)}")
+        typer.echo(f"{DISTRIBUTION} {installed_version()}")
         raise typer.Exit
 
 

@@ -6,22 +6,13 @@
 A physical robot is never driven: it may stand on a table.
 """
 
-import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 
 import pytest
 from emulator_process import emulator
-from robot_under_test import PATIENCE, Client, Place
+from robot_under_test import Client, Place, served
 from soaking import impatience
-
-from khepera_emulator.app.daemon import Daemon
-from khepera_emulator.arenas.arena import load_arena
-from khepera_emulator.line.clock import Clock
-from khepera_emulator.models import find_model
-from khepera_emulator.ports.rfc2217 import Rfc2217Port
-from khepera_emulator.ports.tcp import TcpPort
-from khepera_emulator.robot.emulator import Emulator, Setup
 
 PORTS = ("pty", "socket", "rfc2217", "khepera")
 MODELS = ("khepera", "khepera2")
@@ -64,22 +55,3 @@ def place(request: pytest.FixtureRequest) -> Iterator[Place]:
 @pytest.fixture
 def client(place: Place) -> Client:
     return place.client()
-
-
-@contextmanager
-def served(kind: str, model: str) -> Iterator[str]:
-    """A daemon in a thread of its own; gives the URL of its port."""
-    make = TcpPort if kind == "socket" else Rfc2217Port
-    port = make("127.0.0.1:0")
-    emulator = Emulator(Setup(load_arena("corridor"), model=find_model(model), baud=None))
-    daemon = Daemon(emulator, Clock())
-    daemon.add(emulator, port, follow_rate=False)
-    thread = threading.Thread(target=daemon.run)
-    thread.start()
-    try:
-        yield port.url
-    finally:
-        daemon.stop()
-        thread.join(PATIENCE)
-        port.close()
-        emulator.close()

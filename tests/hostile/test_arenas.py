@@ -95,13 +95,16 @@ import sys
 import numpy as np
 from worlds import arena
 
-from khepera_emulator.senses.camera import OmniCamera
+from khepera_emulator.senses.camera import HEIGHT, OmniCamera
 from khepera_emulator.world.bullet import load_physics
-
-load_physics()
-
 from khepera_emulator.world.world import World
+from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Pose
+
+load_physics("PyBullet is tried")
+from khepera_emulator.senses.renderers.faces import FacesRenderer
+
+MIRROR = Mirror()
 
 
 def at(k):
@@ -117,9 +120,11 @@ MANY = {
 
 for part, numbers in eval(sys.argv[1]).items():
     for number in numbers:
-        world = World(arena(**{part: [MANY[part](k) for k in range(number)]}))
+        world = World(arena(**{part: [MANY[part](k) for k in range(number)]}), rigid=True)
         camera = OmniCamera(world, np.random.default_rng(0))
+        faces = FacesRenderer(world, HEIGHT, MIRROR.low, MIRROR.high)
         camera.mirror_image(Pose(x=0.0, y=0.0, heading=0.0))
+        faces.render(Pose(x=0.0, y=0.0, heading=0.0))
         world.period()
         world.close()
         print(part, number, flush=True)

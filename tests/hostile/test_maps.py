@@ -26,7 +26,7 @@ from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import PLANNERS, build_brain, make_planner
 from macor_hil.mind.map_file import load_map, save_map
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.checkpoints import checkpoint_path, train_map
+from macor_hil.runs.learning.checkpoints import checkpoint_path, train_map
 from macor_hil.runs.training import Schedule
 
 MIB = 1 << 20

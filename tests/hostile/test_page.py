@@ -16,18 +16,15 @@ from dashboard_process import PATIENCE, dashboard
 from hostile_inputs import Hostile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-pytest.importorskip("nicegui")
-
 from khepera_protocol.zenoh.controller_payloads import Learned
 from khepera_protocol.zenoh.keys import KEYS
 
-from macor_hil.monitor.dashboard.guard import NAMES, is_ours
+from macor_hil.monitor.dashboard.access import LOOPBACK, is_ours
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.session import open_session
 
-SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport="
-PATHS = ["/", f"{SOCKET}polling", "/_nicegui/", "/nowhere"]
+SOCKET = "/live"
+PATHS = ["/", SOCKET, "/page.js", "/login", "/nowhere"]
 STRANGERS = [
     "evil.example",
     "evil.example:{port}",
@@ -67,7 +64,7 @@ def test_samples_of_no_robot_neither_stop_nor_swell_the_dashboard(hostile: Hosti
     ]
     with (
         open_session([endpoint], []) as session,
-        dashboard("--connect", endpoint) as address,
+        dashboard("--connect", endpoint, "--robot", "khepera") as address,
     ):
         wait_until_watched(session, "macor/khepera/map")
         number = not_none(urlsplit(address).port)
@@ -107,7 +104,7 @@ def ask(
 def open_websocket(port: int, host: str, origin: str | None = None) -> int:
     """Status line of a WebSocket's handshake, without any library between."""
     lines = [
-        f"GET {SOCKET}websocket HTTP/1.1",
+        f"GET {SOCKET} HTTP/1.1",
         f"Host: {host}",
         "Upgrade: websocket",
         "Connection: Upgrade",
@@ -125,7 +122,7 @@ def test_pages_of_this_machine_are_served(port: int, host: str) -> None:
     here = host.format(port=port)
     status, body = ask(port, "/", [here])
     assert (status, b"macor-hil" in body) == (200, True)
-    assert ask(port, f"{SOCKET}polling", [here], Origin=f"http://{here.lower()}")[0] == 200
+    assert ask(port, "/page.js", [here], Origin=f"http://{here.lower()}")[0] == 200
     assert open_websocket(port, here) == 101
     assert open_websocket(port, here, f"http://{here.lower()}") == 101
 
@@ -136,7 +133,7 @@ def test_a_name_that_leads_here_gets_nothing(port: int, host: str, hostile: Host
     for path in PATHS:
         hostile.count("page")
         status, body = ask(port, path, [there])
-        assert (status, b"browsers on this machine" in body) == (403, True), path
+        assert (status, b"not for this page" in body) == (403, True), path
     if there:
         assert open_websocket(port, there) == 403
         assert open_websocket(port, there, f"http://{there}") == 403
@@ -186,7 +183,7 @@ def test_a_forwarded_host_does_not_count(port: int, hostile: Hostile) -> None:
 def test_names_and_origins_of_every_making(hostile: Hostile) -> None:
     texts = st.text(st.sampled_from("localhost127.:[]@/\\ \t\x00é%0"), max_size=24)
     names = st.one_of(
-        texts, st.sampled_from(sorted(NAMES)), st.builds("{}:{}".format, texts, texts)
+        texts, st.sampled_from(sorted(LOOPBACK)), st.builds("{}:{}".format, texts, texts)
     )
 
     @settings(max_examples=hostile.examples(300))
@@ -202,7 +199,7 @@ def test_names_and_origins_of_every_making(hostile: Hostile) -> None:
                 if (not host.endswith("]"))
                 else host.lower()
             )
-            assert name in NAMES or host.lower() in NAMES
+            assert name in LOOPBACK or host.lower() in LOOPBACK
             assert all(origin.lower() == host.lower() for origin in origins)
 
     passed_or_refused()

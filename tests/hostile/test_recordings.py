@@ -31,7 +31,7 @@ from macor_hil.errors import MacorError, RecordingError
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 from macor_hil.mind.settings import MindSettings
-from macor_hil.runs.recorded_drives import learn
+from macor_hil.runs.learning.recorded_drives import learn
 from macor_hil.telemetry.feed import Arrival, Presence
 from macor_hil.telemetry.recordings.mcap_file import Damage, read_messages
 from macor_hil.telemetry.recordings.mcap_file import Message as KeptMessage

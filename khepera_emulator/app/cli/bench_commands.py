@@ -22,6 +22,9 @@ _NUMBERS: Final = {"ignore_unknown_options": True}
 class PlaceOptions(BenchOptions):
     """A place for a robot."""
 
+    robot: Annotated[str | None, Cli(metavar="NAME")] = Field(
+        default=None, description="Name of the robot; without it the only one that is found."
+    )
     x: Annotated[float, Cli(argument=True)] = Field(description="Metres.")
     y: Annotated[float, Cli(argument=True)] = Field(description="Metres.")
     heading: Annotated[float, Cli(argument=True)] = Field(

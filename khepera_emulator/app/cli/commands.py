@@ -1,14 +1,13 @@
 """The commands of `khepera-emulator`."""
 
-import logging
 import os
 import sys
-from enum import StrEnum
-from typing import Annotated
 
 import typer
+from khepera_protocol.config_file import add_config
+from khepera_protocol.logs import LogOptions, set_up_log
 from khepera_protocol.options import takes
-from khepera_protocol.text import PrintableFormatter, printable
+from khepera_protocol.text import printable
 from khepera_protocol.version import VersionOption
 
 from khepera_emulator.app.cli import bench_commands
@@ -17,7 +16,6 @@ from khepera_emulator.app.cli.replay_command import ReplayOptions, replay
 from khepera_emulator.app.ending import STATUS, Ending
 from khepera_emulator.app.options import LineOptions, ZenohOptions
 from khepera_emulator.robot.options import RobotOptions
-from khepera_emulator.world.bullet import load_physics
 
 _EXAMPLES = f"""[bold]Examples[/bold]
 
@@ -54,6 +52,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
+    context_settings={"auto_envvar_prefix": "KHEPERA_EMULATOR"},
 )
 
 
@@ -62,32 +61,20 @@ def program(version: VersionOption = False) -> None:
     """Take the options that stand before a command."""
 
 
-class LogLevel(StrEnum):
-    """Least importance of what is logged to the standard error output."""
-
-    DEBUG = "debug"
-    INFO = "info"
-    WARNING = "warning"
-    ERROR = "error"
-
-
 @app.command(epilog=_EXAMPLES)
-@takes(RobotOptions, LineOptions, ZenohOptions)
+@takes(RobotOptions, LineOptions, ZenohOptions, LogOptions)
 def run(
     robots: RobotOptions,
     line: LineOptions,
     zenoh: ZenohOptions,
+    log: LogOptions,
     ctx: typer.Context,
-    log_level: Annotated[LogLevel, typer.Option(help="What to log.")] = LogLevel.WARNING,
 ) -> None:
     """Switch a robot on, and leave it on until Ctrl-C or SIGTERM.
 
     Prints one line for each robot: its name, its terminal or URL, and the link to it.
     """
-    handler = logging.StreamHandler()
-    handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    logging.basicConfig(level=log_level.upper(), handlers=[handler])
-    load_physics()
+    set_up_log(log)
     from khepera_emulator.app.serving import serve
 
     serve(robots, line, zenoh, ctx.find_object(Ending) or Ending(), _announce)
@@ -98,6 +85,7 @@ app.command(epilog="[cyan]khepera-emulator arenas --generate 7 --out runs/seven.
 )
 app.command()(takes(ReplayOptions, config=False)(replay))
 app.add_typer(bench_commands.app)
+add_config(app, "run")
 
 
 def _announce(line: str) -> None:

@@ -1,15 +1,19 @@
 """The program `khepera-emulator`, and what becomes of its errors and signals."""
 
+import logging
 import sys
 from contextlib import suppress
 from typing import Final
 
+from khepera_protocol.logs import logs_json
 from khepera_protocol.options import OptionError
 from khepera_protocol.text import printable
 
 from khepera_emulator.app.cli.commands import app
 from khepera_emulator.app.ending import Ending
 from khepera_emulator.errors import EmulatorError
+
+_log = logging.getLogger(__name__)
 
 _FAILED: Final = 2
 _LONGEST_SENTENCE: Final = 4000
@@ -35,5 +39,8 @@ def run() -> int:
 
 
 def _say(sentence: str) -> None:
+    if logs_json():
+        _log.error(sentence)
+        return
     with suppress(OSError):  # nobody reads that
         print(f"khepera-emulator: {sentence}", file=sys.stderr)  # noqa: T201

@@ -7,7 +7,7 @@ import numpy as np
 from khepera_emulator.body.contact import Contact, Motion
 from khepera_emulator.body.motors import Mode
 from khepera_emulator.line.uart import Uart
-from khepera_emulator.models import Model
+from khepera_emulator.models import KheperaModel
 from khepera_emulator.robot.compiled.layout import (
     DUTY,
     LINE,
@@ -19,7 +19,7 @@ from khepera_emulator.robot.compiled.layout import (
     Records,
     Stage,
 )
-from khepera_emulator.robot.robot import SCAN_TICKS, Robot
+from khepera_emulator.robot.khepera.robot import SCAN_TICKS, Robot
 from khepera_emulator.senses.infrared import Infrared
 from khepera_emulator.world.floor_plan import FloorPlan
 from khepera_emulator.world.rays import Array
@@ -135,7 +135,7 @@ class Packed:
         robot.infrared.noise.skip(is_["noises"])
 
 
-def _model(model: Model, infrared: Infrared, contact: Contact, robot: Robot) -> Records:
+def _model(model: KheperaModel, infrared: Infrared, contact: Contact, robot: Robot) -> Records:
     record = np.zeros(1, MODEL)
     record["radius"], record["mass"] = model.radius, model.mass
     for name in ("light", "hold", "tolerance"):

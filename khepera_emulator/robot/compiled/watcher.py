@@ -1,6 +1,6 @@
 """A robot in the client's process, watched: many exchanges of a silent line at once, compiled."""
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from khepera_protocol.compiled import PlainRuns, load
 
@@ -8,7 +8,7 @@ from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.compiled.layout import Records, Stage
 from khepera_emulator.robot.compiled.packing import Packed, line_of, stage_of
 from khepera_emulator.robot.fleet import Fleet
-from khepera_emulator.robot.robot import Robot
+from khepera_emulator.robot.khepera.robot import Robot
 
 _RUNS: Final = PlainRuns(400)
 
@@ -69,7 +69,7 @@ class Watcher:
         self._stage: Stage | None = None
         self._packed: tuple[Robot, Packed] | None = None
 
-    def watch(self, robot: Robot, fleet: Fleet, uart: Uart, until: Until) -> Watched | None:
+    def watch(self, robot: Any, fleet: Fleet, uart: Uart, until: Until) -> Watched | None:
         """Ask for the proximity sensors until something has happened.
 
         Args:
@@ -123,9 +123,11 @@ def _told(asked: bool, records: Records) -> tuple[tuple[bool, int], ...] | None:
     return tuple((bool(there), error) for there, error in zip(reached, errors, strict=True))
 
 
-def _suits(robot: Robot, fleet: Fleet, uart: Uart) -> bool:
+def _suits(robot: Any, fleet: Fleet, uart: Uart) -> bool:
     """Tell whether a robot is alone with walls, on a silent line that is as it should be."""
-    alone = len(fleet.members) == 1 and not fleet.world.things
+    if not isinstance(robot, Robot):
+        return False
+    alone = len(fleet.members) == 1 and fleet.world.dynamics is None
     plain = not robot.turrets and robot.ailments is None and robot.dead_man is None
     quick = uart.baud is None or uart.baud >= _SLOWEST
     return alone and plain and quick and uart.silent(fleet.now)

@@ -1,4 +1,4 @@
-"""PyBullet's renderer looking four ways; draws everything, and is the reference for faster ways.
+"""PyBullet's renderer looking four ways: the reference that the emulator's own is tested against.
 
 Four faces of 90 degrees lie side by side in one atlas. Floor and sky are even in colour, so that
 the rows below and above the horizon are painted first and the renderer, which takes 0.3 us for
@@ -12,6 +12,7 @@ import numpy as np
 import pybullet
 from khepera_protocol.zenoh.payloads import Pose
 
+from khepera_emulator.body.rigid_body import RigidBody
 from khepera_emulator.senses.renderers.view import (
     AMBIENT,
     DIFFUSE,
@@ -30,16 +31,26 @@ class FacesRenderer:
     """Four pictures of PyBullet's, with a robot's own body left out.
 
     Args:
-        world: what is seen.
+        world: what is seen; it has dynamics.
         height: metres of the viewpoint above the floor.
         low, high: elevations in radians that the atlas must show.
         resolution: pixels across each face.
+        own: the body of the robot that carries the camera, and is not seen by it.
     """
 
     def __init__(
-        self, world: World, height: float, low: float, high: float, resolution: int = 64
+        self,
+        world: World,
+        height: float,
+        low: float,
+        high: float,
+        resolution: int = 64,
+        own: RigidBody | None = None,
     ) -> None:
+        assert world.dynamics is not None
         self._world = world
+        self._client = world.dynamics.client
+        self._own = own
         self._height = height
         self._size = resolution
         # 20 degrees up seen along the edge of a face lie higher in it than in its middle
@@ -55,6 +66,16 @@ class FacesRenderer:
 
     def render(self, pose: Pose) -> Image:
         """Return the atlas of the four faces, ahead, left, behind, right."""
+        for robot in self._world.robots:
+            robot.show()
+        if self._own is None:
+            return self._draw(pose)
+        self._own.paint(visible=False)
+        atlas = self._draw(pose)
+        self._own.paint(visible=True)
+        return atlas
+
+    def _draw(self, pose: Pose) -> Image:
         atlas = self._background.copy()
         for face in range(_FACES):
             azimuth = pose.heading + face * pi / 2
@@ -75,7 +96,7 @@ class FacesRenderer:
                 lightSpecularCoeff=0.0,
                 renderer=pybullet.ER_TINY_RENDERER,
                 flags=0,
-                physicsClientId=self._world.client,
+                physicsClientId=self._client,
             )
             part = atlas[:, face * self._size : (face + 1) * self._size]
             # a PyBullet that was built without NumPy hands out flat tuples

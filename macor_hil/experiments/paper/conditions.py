@@ -45,7 +45,6 @@ from macor_hil.experiments.paper.both_clusterers import (
     trained_art,
     trained_gas,
 )
-from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
@@ -58,6 +57,7 @@ from macor_hil.mind.planners.expected import Expected
 from macor_hil.mind.planners.planner import Plan
 from macor_hil.mind.planners.reactive import Reactive
 from macor_hil.mind.reinforcement import Reinforcement
+from macor_hil.monitor.pictures import trials_figure
 from macor_hil.runs.trials import Trial
 
 NEAR: Final = Reinforcement(0.62, 0.61)
@@ -320,7 +320,7 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
     pairs = zip(*(map(trial_from_json, driven[name]) for name in (ART, GAS)), strict=True)
     number, _ = max(enumerate(pairs), key=lambda each: abs(each[1][0].length - each[1][1].length))
     shown = {name: (outline, trial_from_json(driven[name][number])) for name in (ART, GAS)}
-    return {"trajectories": draw_trials(shown)}
+    return {"trajectories": trials_figure(shown)}
 
 
 def _most_apart(tested: list[_Tested]) -> tuple[Condition, str]:
@@ -363,7 +363,8 @@ def tell(settings: Settings, results: Results) -> list[Element]:
         Picture(
             "trajectories",
             f"Seed {next(iter(results))}, the trial of the greatest difference, under the condition"
-            f" that separates both systems most: {condition.name}, {what[steps]}.",
+            f" that separates both systems most: {condition.name}, {what[steps]}. A cross marks a"
+            " collision.",
         ),
         Text(
             "Conditions differ from the first one in what they name; all drives are of random"

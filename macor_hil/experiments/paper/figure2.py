@@ -16,6 +16,7 @@ from macor_hil.arrays import Array
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, SECTION_31, Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.paper.both_clusterers import ART, GAS, searched_annealing
+from macor_hil.experiments.report.drawing import begin_at_zero, draw_interval
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, order
@@ -95,28 +96,19 @@ def _over_seeds(results: Results, name: str, what: str) -> list[list[float]]:
 
 
 def draw(_: Settings, results: Results) -> dict[str, Figure]:
-    """Mean error over presentations; bars as in the paper: the variance within a data set."""
-    figure = Figure(figsize=(6.5, 4.2), layout="constrained")
-    axes = figure.subplots()
-    for name, colour, aside in ((ART, "tab:red", -0.05), (GAS, "tab:blue", 0.05)):
-        means = [estimate(values) for values in _over_seeds(results, name, "mean")]
-        variances = [np.mean(values) for values in _over_seeds(results, name, "variance")]
-        places = np.arange(1, len(means) + 1) + aside
-        axes.errorbar(
-            places,
-            [e.value for e in means],
-            variances,
-            fmt="o-",
-            color=colour,
-            capsize=3,
-            label=f"{name}: mean, bars: variance",
-        )
-        axes.fill_between(
-            places, [e.low for e in means], [e.high for e in means], color=colour, alpha=0.2
-        )
-    axes.set(xlabel="presentations of all inputs", ylabel="clusterer error (Euclidean)")
-    axes.set_ylim(bottom=0.0)
-    axes.legend()
+    """Mean error over presentations, and its variance within a data set on an axis of its own."""
+    figure = Figure(figsize=(6.8, 6.6), layout="constrained")
+    panels = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+    labels = {"mean": "error (distance)", "variance": "variance of the error"}
+    for axes, (what, label) in zip(panels, labels.items(), strict=True):
+        for number, name in enumerate((ART, GAS)):
+            found = [estimate(values) for values in _over_seeds(results, name, what)]
+            draw_interval(axes, range(1, len(found) + 1), found, name, number)
+        axes.set_ylabel(label)
+        begin_at_zero(axes)
+        axes.grid()
+    panels[0].legend()
+    panels[1].set_xlabel("presentations of all inputs")
     return {"errors": figure}
 
 
@@ -129,7 +121,7 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             f" vigilance {settings.vigilance:g}. The Neural Gas is annealed over"
             f" {settings.annealed} presentations."
         ),
-        Picture("errors", "After each presentation; shaded: 95 % interval over seeds."),
+        Picture("errors", _caption(results)),
         _table(results),
         Text(_verdict(settings, results)),
         _found(results),
@@ -141,6 +133,16 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             f" {settings.searched}th input of each recording."
         ),
     ]
+
+
+def _caption(results: Results) -> str:
+    last = {name: float(np.mean(_over_seeds(results, name, "mean")[-1])) for name in (ART, GAS)}
+    return (
+        "Mean error of the inputs of a recording (above) and its variance (below) after each"
+        " presentation; bands: 95 % interval over seeds. The error stays as it is after"
+        f" presentation {_settled(results, ART)} with {ART}, after {_settled(results, GAS)} with"
+        f" the {GAS}; in the end that of {min(last, key=last.__getitem__)} is the lower one."
+    )
 
 
 def _table(results: Results) -> Table:

@@ -35,7 +35,6 @@ from macor_hil.experiments.paper.both_clusterers import (
     trained_art,
     trained_gas,
 )
-from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import estimate, order
@@ -45,6 +44,7 @@ from macor_hil.mind.clusterers.clusterer_error import clusterer_errors
 from macor_hil.mind.clusterers.neural_gas import Breadth
 from macor_hil.mind.memories.transitions import Competence
 from macor_hil.mind.reinforcement import Reinforcement
+from macor_hil.monitor.pictures import trials_figure
 from macor_hil.runs.trials import Trial
 
 
@@ -153,7 +153,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
         for place in ("start", "anywhere")
         for name in (ART, GAS)
     }
-    return {"trajectories": draw_trials(shown)}
+    return {"trajectories": trials_figure(shown)}
 
 
 def tell(settings: Settings, results: Results) -> list[Element]:
@@ -196,14 +196,13 @@ def first_sentence(figure: str, claim: Claim, settings: Settings, results: Resul
 
 def side_by_side(settings: Settings, results: Results, hours: dict[str, float]) -> list[Element]:
     """Return what figures 3 and 4 have in common: the picture and both tables."""
-    first = next(iter(results))
     return [
         Text(
             f"{len(results)} training seeds, {settings.nodes} nodes, vigilance"
             f" {settings.vigilance:g}; {settings.course.trials} reactive trials of each system"
             f" from the arena's start and {settings.elsewhere.trials} from anywhere."
         ),
-        Picture("trajectories", f"First trials of seed {first}, the reinforcement below."),
+        Picture("trajectories", _caption(results)),
         _table(settings, results, hours),
         _comparison(results),
         Text(_verdict(results)),
@@ -246,6 +245,18 @@ def _comparison(results: Results) -> Table:
         rows.append((place, str(test.difference), counts, f"{test.p:.4f}", said))
     head = ("starts", "mean difference of length", "better / equal / worse", "p", "holds")
     return Table("Fuzzy ART over Neural Gas, paired by seed", head, tuple(rows))
+
+
+def _caption(results: Results) -> str:
+    hit = [t.collided for n in (ART, GAS) for ts in _trials(results, "start", n) for t in ts]
+    means = " and ".join(
+        f"{float(np.mean(_lengths(results, 'anywhere', name))):.1f} ({name})" for name in (ART, GAS)
+    )
+    return (
+        f"First trials of seed {next(iter(results))}; a cross marks a collision. From the start"
+        f" {sum(hit)} of all {len(hit)} trials end in one; from anywhere they are {means} commands"
+        " long in the mean."
+    )
 
 
 def _verdict(results: Results) -> str:

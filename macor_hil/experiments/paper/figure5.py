@@ -12,9 +12,9 @@ from macor_hil.experiments.drives.systems import ANTICIPATIVE, EXPECTED, GRADED,
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.paper.criteria import per_seed, trials_of
 from macor_hil.experiments.paper.table1 import QUICK, Settings, trial
-from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.results.store import Results
+from macor_hil.monitor.pictures import trials_figure
 from macor_hil.runs.trials import Trial
 
 ROUND: Final = "no collision"
@@ -53,6 +53,11 @@ def typical_seed(results: Results) -> int:
 
 def draw(_: Settings, results: Results) -> dict[str, Figure]:
     """One trial of each system on the typical seed: the one of median length."""
+    return {"trajectories": trials_figure(_shown(results))}
+
+
+def _shown(results: Results) -> dict[str, tuple[Outline, Trial]]:
+    """Return the trial of median length of each system, on the typical seed."""
     result = results[typical_seed(results)]
     outline = Outline.model_validate(result["outline"])
     shown = {}
@@ -60,7 +65,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
         trials = [trial_from_json(value) for value in result["trials"][system]]
         ordered = sorted(trials, key=lambda t: t.length)
         shown[system] = outline, ordered[(len(ordered) - 1) // 2]
-    return {"trajectories": draw_trials(shown)}
+    return shown
 
 
 def tell(settings: Settings, results: Results) -> list[Element]:
@@ -74,13 +79,21 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             f" length among {len(results)}, and of each system the trial of median length among"
             f" its {settings.course.trials}. The trials are those of table 1."
         ),
-        Picture("trajectories", "Circles: the robot after each command; red: collision."),
+        Picture("trajectories", _caption(results)),
         Text(
             f"In the paper the {ANTICIPATIVE} system turns left as soon as the curve is in sight"
             f" and gets round it, the {REACTIVE} one drives straight on into the wall, and {Q} gets"
             " round the curve's beginning and then drives into a wall straight on."
         ),
     ]
+
+
+def _caption(results: Results) -> str:
+    unhurt = [name for name, (_, one) in _shown(results).items() if not one.collided]
+    return (
+        "Circles: the robot after each command, filled at the start, crossed out at a collision;"
+        f" below: what each command earned. Round the curve: {' and '.join(unhurt) or 'nobody'}."
+    )
 
 
 def _claim(settings: Settings, results: Results) -> str:

@@ -25,6 +25,7 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.report.drawing import draw_interval
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, mean
@@ -71,6 +72,11 @@ UNIT: Final = {EXPECTED: "situations", GRADED: "situations", FORESIGHT: "trainin
 def drives(settings: Settings, arenas: Path) -> list[Drive]:
     """Return the training drives of a seed."""
     return [replace(settings.drive, arena=place.file(arenas)) for place in settings.homes]
+
+
+def parts(settings: Settings) -> list[Settings]:
+    """Return each home by itself."""
+    return [replace(settings, homes=(home,)) for home in settings.homes]
 
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
@@ -131,19 +137,23 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
             for system in shown:
                 amounts = [amount for each, amount in settings.amounts if each == system]
                 found = [
-                    estimate(shares_by_seed(conditions, _name(system, amount))[0], mean)
+                    estimate(
+                        [100 * x for x in shares_by_seed(conditions, _name(system, amount))[0]],
+                        mean,
+                    )
                     for amount in amounts
                 ]
-                values = np.array([[each.value, each.low, each.high] for each in found])
-                panel.plot(amounts, 100 * values[:, 0], marker="o", label=system)
-                panel.fill_between(amounts, 100 * values[:, 1], 100 * values[:, 2], alpha=0.2)
-            panel.set(xscale="log", xlabel=UNIT[shown[0]], ylim=(0.0, 104.0))
-            panel.set_xticks(amounts, [f"{amount:,}" for amount in amounts])
+                draw_interval(panel, amounts, found, system, list(UNIT).index(system))
+            panel.set(xscale="log", xlabel=UNIT[shown[0]], ylim=(0.0, 105.0))
+            panel.set_xticks(amounts, [f"{amount:,}" for amount in amounts], rotation=30)
             panel.minorticks_off()
-            panel.legend(fontsize=8, loc="best")
-        axes[0][column].set_title(name, fontsize=10)
+            panel.grid()
+        axes[0][column].set_title(name)
     for left in axes[:, 0]:
         left.set_ylabel("% of what was possible")
+    shown_by = [axes[row][0].get_legend_handles_labels() for row in (0, 1)]
+    handles, names = (upper + lower for upper, lower in zip(*shown_by, strict=True))
+    figure.legend(handles, names, loc="outside lower center", ncols=3)
     return {"shares": figure}
 
 
@@ -163,8 +173,26 @@ def tell(settings: Settings, results: Results) -> list[Element]:
             (EXPECTED, GRADED),
         ),
         _table("Number of training commands, without situations", settings, results, (FORESIGHT,)),
-        Picture("shares", "Mean over seeds; shaded: 95 % interval."),
+        Picture("shares", _caption(settings, results)),
     ]
+
+
+def _caption(settings: Settings, results: Results) -> str:
+    """Tell the worst arena of each system, with most of what it learns from."""
+    worst = {}
+    for system in UNIT:
+        most = max(amount for name, amount in settings.amounts if name == system)
+        shares = {
+            arena: float(np.mean(shares_by_seed(conditions, _name(system, most))[0]))
+            for arena, conditions in _by_arena(results).items()
+        }
+        arena = min(shares, key=shares.__getitem__)
+        worst[_name(system, most)] = f"{100 * shares[arena]:.0f} % in {arena}"
+    return (
+        "Mean over seeds; bands: 95 % interval. Above by the number of situations, below by that of"
+        " training commands. Even with the most of them the least share of an arena is"
+        f" {'; '.join(f'{share} ({name})' for name, share in worst.items())}."
+    )
 
 
 def _table(title: str, settings: Settings, results: Results, systems: tuple[str, ...]) -> Table:
@@ -197,4 +225,5 @@ AMOUNTS: Final = Experiment(
     quick=QUICK,
     rows=rows,
     drives=drives,
+    parts=parts,
 )

@@ -31,7 +31,6 @@ from macor_hil.experiments.drives.systems import (
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.report.drawing import draw_trials
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
@@ -47,6 +46,7 @@ from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.experience import Moment
 from macor_hil.mind.planners.planner import NO_PLAN, Plan
+from macor_hil.monitor.pictures import trials_figure
 
 RANDOM: Final = "random"
 
@@ -131,6 +131,14 @@ def drives(settings: Settings, arenas: Path) -> list[Drive]:
     """Return the training drives of a seed: in every home, and those of the mixture."""
     homes = [replace(settings.drive, arena=place.file(arenas)) for place in settings.homes]
     return homes + (_mixture(settings, arenas) if settings.unseen else [])
+
+
+def parts(settings: Settings) -> list[Settings]:
+    """Return each home by itself, and the mixture with all that is driven after it."""
+    homes = [replace(settings, homes=(home,), mixture=(), unseen=()) for home in settings.homes]
+    if not (settings.mixture and settings.unseen):
+        return homes
+    return [*homes, replace(settings, homes=(), lights=())]
 
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
@@ -224,7 +232,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
         if driven["light"] == AS_TRAINED:
             outline = Outline.model_validate(driven["outline"])
             shown = {name: (outline, trials_of(driven, name)[0]) for name in DRAWN}
-            pictures[_picture(driven)] = draw_trials(shown)
+            pictures[_picture(driven)] = trials_figure(shown)
     return pictures
 
 
@@ -255,10 +263,16 @@ def tell(settings: Settings, results: Results) -> list[Element]:
     ]
     first = next(iter(results.values()))["driven"]
     shown = [one for one in first if one["light"] == AS_TRAINED]
-    return blocks + [
-        Picture(_picture(one), f"{one['arena']}, {one['look']}, trained {one['trained']}.")
-        for one in shown
-    ]
+    return blocks + [Picture(_picture(one), _caption(one)) for one in shown]
+
+
+def _caption(driven: Result) -> str:
+    unhurt = [name for name in DRAWN if not trials_of(driven, name)[0].collided]
+    without = " and ".join(unhurt) if unhurt else "nobody"
+    return (
+        f"First trials in {driven['arena']}, {driven['look']}, trained {driven['trained']}; a cross"
+        f" marks a collision. Without one: {without}."
+    )
 
 
 def _table(title: str, conditions: Conditions, *by: str) -> Table:
@@ -309,4 +323,5 @@ ARENAS: Final = Experiment(
     quick=QUICK,
     rows=rows,
     drives=drives,
+    parts=parts,
 )

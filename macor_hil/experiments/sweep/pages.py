@@ -10,6 +10,8 @@ from pathlib import Path
 from string import Template
 from typing import Any, Final
 
+from khepera_protocol.palette import drawing_style
+
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.results.store import Results
@@ -101,9 +103,11 @@ def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str
 
 def _draw(folder: Path, chapter: Chapter) -> None:
     experiment = chapter.experiment
-    for name, figure in experiment.draw(experiment.settings, chapter.results).items():
+    with drawing_style():
+        figures = experiment.draw(experiment.settings, chapter.results)
+    for name, figure in figures.items():
         buffer = BytesIO()
-        figure.savefig(buffer, format="png", dpi=110)
+        figure.savefig(buffer, format="png")
         write_atomically(folder / _file(experiment.name, name), buffer.getvalue())
 
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -10,22 +9,20 @@ import joblib
 
 from macor_hil.experiments.drives.training_drive import Recordings
 from macor_hil.experiments.experiment import Experiment
-from macor_hil.experiments.results.code_digest import digest
 from macor_hil.experiments.results.store import (
     TOOK,
     Result,
     Results,
-    ResultsFile,
     append_line,
     only_one,
     read_lines,
 )
 from macor_hil.experiments.sweep.engine import engine
 from macor_hil.experiments.sweep.pages import Chapter, write_report
-from macor_hil.mind.catalogue import whereabouts
+from macor_hil.experiments.sweep.part import Work, joined, parts_of
 
 Watch = Callable[[str, int, int], None]
-"""Hears what is being done, how many seeds of it are done, and of how many."""
+"""Hears what is being done, how many pieces of it are done, and of how many."""
 
 ALL: Final = -1
 """As many workers as this machine has processors, or the cluster has workers."""
@@ -87,46 +84,35 @@ def _sweep(
     experiment: Experiment, seeds: Sequence[int], workers: int, out: Path, watch: Watch
 ) -> Results:
     """Results of an experiment; those that are missing are made now."""
-    settings = experiment.settings
-    recordings = Recordings(out / "recordings", settings.drive)
-    uses = whereabouts(settings.drive.brain, getattr(settings, "planners", ()))
-    code = digest(experiment.trial, {settings.drive.arena, *settings.arenas}, uses)
-    file = ResultsFile(out / "results", experiment.kept_as, settings, code)
-    results = file.read()
-    missing = [seed for seed in seeds if seed not in results]
-    if missing:
-        # puts in order what a kill may have left: half a line, or seeds out of order
-        file.write(results)
-        unrecorded = _unrecorded(experiment, missing, recordings)
-        driving = f"driving for {experiment.name}"
-        for (_, seed), _, seconds in _parallel(_record, unrecorded, workers, driving, watch):
-            append_line(out / COSTS, _cost("recording", seed, seconds))
-        work = _Trial(experiment.trial, settings, recordings)
-        for seed, result, seconds in _parallel(work, missing, workers, experiment.name, watch):
-            took = result.pop(TOOK, {})
-            file.append(seed, result)
-            results[seed] = result
-            append_line(out / COSTS, _cost(experiment.kept_as, seed, seconds))
-            for part, spent in took.items():
-                append_line(out / COSTS, _cost(f"{experiment.kept_as}: {part}", seed, spent))
-        file.write(results)
-    return {seed: results[seed] for seed in seeds}
-
-
-def _unrecorded(
-    experiment: Experiment, seeds: Sequence[int], recordings: Recordings
-) -> list[tuple[Recordings, int]]:
-    """Return the drives of seeds that are not there; one by one, so that workers share them."""
-    found = [recordings]
-    if experiment.drives is not None:
-        drives = experiment.drives(experiment.settings, recordings.arenas)
-        found = [recordings.of(drive) for drive in dict.fromkeys(drives)]
-    return [(each, seed) for seed in seeds for each in found if not each.has(seed)]
+    parts = parts_of(experiment, out)
+    missing = [(part, seed) for seed in seeds for part in parts if seed not in part.results]
+    changed = list(dict.fromkeys(part for part, _ in missing))
+    for part in changed:
+        part.put_in_order()
+    drives = {(r.key, seed): (r, seed) for part, seed in missing for r in part.unrecorded(seed)}
+    driving = f"driving for {experiment.name}"
+    for (_, seed), _, seconds in _parallel(_record, list(drives.values()), workers, driving, watch):
+        append_line(out / COSTS, _cost("recording", seed, seconds))
+    todo = [(parts.index(part), part.work, seed) for part, seed in missing]
+    for (number, _, seed), result, seconds in _parallel(_do, todo, workers, experiment.name, watch):
+        took = result.pop(TOOK, {})
+        parts[number].add(seed, result)
+        append_line(out / COSTS, _cost(experiment.kept_as, seed, seconds))
+        for piece, spent in took.items():
+            append_line(out / COSTS, _cost(f"{experiment.kept_as}: {piece}", seed, spent))
+    for part in changed:
+        part.put_in_order()
+    return {seed: joined([part.results[seed] for part in parts]) for seed in seeds}
 
 
 def _record(drive: tuple[Recordings, int]) -> None:
     recordings, seed = drive
     recordings.make(seed)
+
+
+def _do(todo: tuple[int, Work, int]) -> Result:
+    _, work, seed = todo
+    return work(seed)
 
 
 def _with_others(all_results: Sequence[Results]) -> Results:
@@ -138,18 +124,6 @@ def _with_others(all_results: Sequence[Results]) -> Results:
             for seed, result in results.items()
         }
     return results
-
-
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """A trial with all but its seed given; can be sent to another process."""
-
-    trial: Callable[[Any, int, Recordings], Result]
-    settings: Any
-    recordings: Recordings
-
-    def __call__(self, seed: int) -> Result:
-        return self.trial(self.settings, seed, self.recordings)
 
 
 def _parallel(

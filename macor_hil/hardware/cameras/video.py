@@ -6,7 +6,7 @@ from typing import Any, Final, Protocol
 import cv2
 
 from macor_hil.arrays import Image
-from macor_hil.errors import CameraError, WrongPictureError
+from macor_hil.errors import CameraLostError, WrongPictureError
 from macor_hil.hardware.cameras.decoding import MAX_SIDE, as_image
 
 _OPENING: Final = 5.0
@@ -51,7 +51,8 @@ def open_video(name: str, open_source: Callable[[str], Capture] = open_capture) 
     """Open a source that is there.
 
     Raises:
-        CameraError: OpenCV cannot open it, or its pictures are too large to be decoded.
+        CameraLostError: OpenCV cannot open it.
+        WrongPictureError: its pictures are too large to be decoded.
     """
     try:
         capture = open_source(name)
@@ -59,7 +60,7 @@ def open_video(name: str, open_source: Callable[[str], Capture] = open_capture) 
     except cv2.error:  # such as a device number beyond all
         opened = False
     if not opened:
-        raise CameraError(f"cannot open the video source {name!r}")
+        raise CameraLostError(f"cannot open the video source {name!r}")
     width = capture.get(cv2.CAP_PROP_FRAME_WIDTH)
     height = capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
     if not max(width, height) <= MAX_SIDE:

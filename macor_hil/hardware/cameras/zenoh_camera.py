@@ -5,12 +5,12 @@ from typing import Final
 
 import zenoh
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.keys import CAMERA
+from khepera_protocol.zenoh.keys import CAMERA, EMULATOR_ALIVE
 from khepera_protocol.zenoh.payload_model import PayloadError
 from khepera_protocol.zenoh.sample_checks import stamp_of
 
 from macor_hil.arrays import Image
-from macor_hil.errors import CameraError, CameraLostError, WrongPictureError
+from macor_hil.errors import CameraError, CameraLostError, WrongPictureError, WrongRobotError
 from macor_hil.hardware.cameras.camera import PATIENCE, Frame
 from macor_hil.hardware.cameras.decoding import MAX_BYTES, decode_picture
 from macor_hil.hardware.cameras.one_source import OneSource, Round
@@ -22,13 +22,16 @@ _PAUSE: Final = 0.05
 """Seconds before a source that has gone is asked again."""
 
 _LONGEST_REASON: Final = 200
+_NAMES: Final = 12
+"""Names of other robots that an error tells at most."""
+
 _TIMEOUT: Final = b"Timeout"
 """Error of Zenoh for a source that has not answered in time."""
 
 
 def open_zenoh_camera(session: zenoh.Session, robot: str, source: str = "") -> "ZenohCamera":
     """Open the camera on a Zenoh key, or without one the emulator's camera of a robot."""
-    return ZenohCamera(session, source or CAMERA.of(robot))
+    return ZenohCamera(session, source or CAMERA.of(robot), robot if not source else "")
 
 
 class ZenohCamera:
@@ -41,8 +44,9 @@ class ZenohCamera:
 
     live = True
 
-    def __init__(self, session: zenoh.Session, key: str) -> None:
+    def __init__(self, session: zenoh.Session, key: str, robot: str = "") -> None:
         _check_key(key)
+        self._robot = robot
         self._session = session
         self._key = key
         self._sequence = 0
@@ -63,9 +67,13 @@ class ZenohCamera:
                 ) from None
             if sample is not None:
                 return self._frame(sample)
+        missing = f"no camera answers on the Zenoh key {self._key}"
+        if others := self._others():
+            there = ", ".join(others[:_NAMES])
+            raise WrongRobotError(f"{missing}; there are the robots {there}")
         raise CameraLostError(
-            f"no camera answers on the Zenoh key {self._key}; is the emulator running,"
-            " with this robot name, and does --connect lead to it?"
+            f"{missing}; is the emulator running, with this robot name, and does --connect lead to"
+            " it?"
         )
 
     def close(self) -> None:
@@ -73,6 +81,17 @@ class ZenohCamera:
         if self._subscriber is not None:
             self._subscriber.undeclare()
             self._subscriber = None
+
+    def _others(self) -> list[str]:
+        """Return names of the robots that are there, where this one never was and is not."""
+        if not self._robot or self._answers is not None:
+            return []
+        try:
+            replies = list(self._session.liveliness().get(EMULATOR_ALIVE.of("*"), timeout=_LISTEN))
+        except zenoh.ZError:
+            return []
+        robots = sorted(str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok)
+        return [] if self._robot in robots else robots
 
     def _next(self) -> zenoh.Sample | None:
         """Take the source's next picture; None if none comes soon."""

@@ -1,6 +1,32 @@
 """Counts what passes between a client and its robot, for those who watch the line."""
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
+
+BOUNDS: Final = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+"""Seconds between which durations are counted: of an exchange, of a plan, of a command."""
+
+
+class Durations:
+    """Counts durations by their length, as a histogram.
+
+    Attributes:
+        bounds: seconds, the longest that is still counted in each class but the last one.
+        counts: how many there were in each class.
+        sum: of all of them, seconds.
+    """
+
+    def __init__(self, bounds: Sequence[float] = BOUNDS) -> None:
+        self.bounds = bounds
+        self.counts = [0] * (len(bounds) + 1)
+        self.sum = 0.0
+
+    def add(self, seconds: float) -> None:
+        """Count one."""
+        self.counts[bisect_left(self.bounds, seconds)] += 1
+        self.sum += seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,11 +51,13 @@ class Meter:
 
     Attributes:
         exchanges, failures: requests that were answered and that were not, so far.
+        times: of their round trips.
     """
 
     def __init__(self) -> None:
         self.exchanges = 0
         self.failures = 0
+        self.times = Durations()
         self._recent = 0
         self._sum = 0.0
         self._worst = 0.0
@@ -39,6 +67,7 @@ class Meter:
         self.exchanges += 1
         self._recent += 1
         self._sum += seconds
+        self.times.add(seconds)
         if seconds > self._worst:
             self._worst = seconds
 

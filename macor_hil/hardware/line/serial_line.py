@@ -24,6 +24,7 @@ from macor_hil.errors import (
     LinkError,
     RobotResetError,
     SilenceError,
+    WrongPortError,
 )
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.line.descriptors import let_pyserial_poll
@@ -64,7 +65,8 @@ def open_port(address: str | PortAddress, baud: int = 9600) -> Any:
         baud: rate in bits a second.
 
     Raises:
-        LinkError: there is no such port, it is in use, its URL is wrong, or its emulator has gone.
+        WrongPortError: its URL is wrong, or what it needs is not installed.
+        LinkError: there is no such port, it is in use, or its emulator has gone.
     """
     port = PortAddress.parse(address) if isinstance(address, str) else address
     url = port.text
@@ -72,7 +74,7 @@ def open_port(address: str | PortAddress, baud: int = 9600) -> Any:
         try:
             import khepera_emulator  # noqa: F401 - registers the URL scheme
         except ImportError:
-            raise LinkError(
+            raise WrongPortError(
                 f"{url} needs the emulator, which is not installed; install the extra 'emulator'"
                 f" with: {how_to_install('emulator')}"
             ) from None
@@ -87,7 +89,10 @@ def open_port(address: str | PortAddress, baud: int = 9600) -> Any:
             url, baudrate=baud, stopbits=serial.STOPBITS_TWO, timeout=QUIET, **options
         )
     except (serial.SerialException, OSError, ValueError) as error:
-        raise LinkError(f"cannot open the serial port {url}: {error}") from None
+        # a robot in this process is there, or never will be; a ValueError is of the URL
+        is_wrong = port.embedded or not isinstance(error, OSError)
+        kind = WrongPortError if is_wrong else LinkError
+        raise kind(f"cannot open the serial port {url}: {error}") from None
 
 
 class Line:

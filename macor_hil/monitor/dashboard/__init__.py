@@ -1,1 +1,1 @@
-"""`macor-hil dashboard`: a robot in the browser; needs the extra 'dashboard' (NiceGUI)."""
+"""`macor-hil dashboard`: robots in the browser; needs the extra 'dashboard' (Starlette)."""

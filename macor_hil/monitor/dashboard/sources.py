@@ -1,15 +1,20 @@
-"""Sources of what the dashboard shows: a live robot, or a recording to scrub through."""
+"""Sources of what the dashboard shows: live robots, or a recording to scrub through."""
 
 import time
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from math import isnan
-from typing import Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol, Self
 
+from khepera_protocol.zenoh.keys import DECISION, STATE, TRUTH
+
+from macor_hil.monitor.dashboard.board import Board, Parts
+from macor_hil.monitor.dashboard.wishes import Look
 from macor_hil.monitor.follower import Follower
-from macor_hil.monitor.robot_state import RobotState
-from macor_hil.telemetry.feed import Event
+from macor_hil.monitor.robot_state import MarkKind, RobotState
+from macor_hil.monitor.roster import Roster
+from macor_hil.telemetry.feed import Arrival, Event
 from macor_hil.telemetry.recordings.playing_times import in_playing_time
 
 _NS: Final = 1e-9
@@ -18,46 +23,154 @@ _AT_ONCE: Final = 2_000
 """Events taken in at once: a fraction of a second."""
 
 _BUSY: Final = 0.05
-"""Seconds that taking in may take at once: the page is served by the same thread."""
+"""Seconds that taking in may take at once: the pages are served by the same thread."""
+
+_LOOKED_AT: Final = 20
+"""Polls without a look after which a robot's own camera is left alone again."""
+
+_NOBODY: Final = "khepera"
+"""Name on the page while there is no robot."""
+
+_MOMENTS: Final = 500
+"""Collisions and failures of a recording that are marked."""
 
 
-class Source(Protocol):
-    """A source of what is shown."""
+class Shown(NamedTuple):
+    """A robot's page at a moment: its parts, and its latest picture."""
 
-    @property
-    def watched(self) -> RobotState:
-        """The robot as it is known now."""
-        ...
-
-    @property
-    def now(self) -> float:
-        """The time that ages count to, in seconds of the clock of the arrivals."""
-        ...
-
-    def poll(self) -> None:
-        """Take in what has happened since the last time."""
-        ...
+    parts: Parts
+    picture: bytes
 
 
-class LiveSource:
-    """A live robot, as a follower knows it."""
+class Live:
+    """Live robots, as followers know them, with a board for each.
 
-    def __init__(self, follower: Follower) -> None:
-        self._follower = follower
+    Args:
+        roster: the robots.
+    """
 
-    @property
-    def watched(self) -> RobotState:
-        """The robot as it is known now."""
-        return self._follower.watched
-
-    @property
-    def now(self) -> float:
-        """The clock of the arrivals."""
-        return self._follower.now
+    def __init__(self, roster: Roster) -> None:
+        self._roster = roster
+        self._boards: dict[str, Board] = {}
+        self._shown: dict[str, Shown] = {}
+        self._looked: dict[str, int] = {}
+        self._turn = 0
 
     def poll(self) -> None:
-        """Take in what has come."""
-        self._follower.drain(_BUSY)
+        """Take in what has come; called again and again, whether anyone looks or not."""
+        self._roster.drain(_BUSY)
+        self._turn += 1
+        self._shown.clear()
+        for name, follower in self._roster.robots.items():
+            follower.feed.look(self._turn - self._looked.get(name, -_LOOKED_AT) < _LOOKED_AT)
+
+    def choose(self, name: str) -> str:
+        """Return a robot's name if it is known, else that of one who is there."""
+        robots = self._roster.robots
+        if name in robots:
+            return name
+        there = (each for each, follower in robots.items() if follower.watched.alive)
+        return next(there, next(iter(robots), ""))
+
+    def show(self, name: str) -> Shown:
+        """Return a robot's page as of the last poll; computed once for all who look."""
+        known = self._shown.get(name)
+        if known is None:
+            self._looked[name] = self._turn
+            robots = {each: follower.watched for each, follower in self._roster.robots.items()}
+            watched = robots.get(name) or RobotState(_NOBODY)
+            board = self._boards.setdefault(name, Board())
+            parts = board.parts(watched, robots, self._now())
+            known = self._shown[name] = Shown(parts, board.picture)
+        return known
+
+    def _now(self) -> float:
+        follower: Follower | None = next(iter(self._roster.robots.values()), None)
+        return follower.now if follower else 0.0
+
+
+class View(Protocol):
+    """Something that one browser looks at."""
+
+    robot: str
+
+    def show(self) -> Shown:
+        """Return the page as of now."""
+        ...
+
+
+class LiveView:
+    """One browser's look at live robots.
+
+    Attributes:
+        robot: the one that was chosen; empty: none is there.
+    """
+
+    def __init__(self, live: Live, robot: str) -> None:
+        self.robot = robot
+        self._live = live
+
+    def show(self) -> Shown:
+        """Return the page as of now."""
+        self.robot = self._live.choose(self.robot)
+        return self._live.show(self.robot)
+
+
+class RecordingView:
+    """One browser's look at a recording, which it plays for itself.
+
+    Attributes:
+        robot: that was recorded.
+        player: plays it.
+    """
+
+    def __init__(self, player: "RecordingSource") -> None:
+        self.player = player
+        self.robot = player.watched.robot
+        self._board = Board()
+
+    def show(self) -> Shown:
+        """Let time pass, and return the page as of now."""
+        player = self.player
+        player.poll()
+        parts = self._board.parts(player.watched, {self.robot: player.watched}, player.now)
+        parts["player"] = {
+            "position": round(player.position, 2),
+            "duration": round(player.duration, 2),
+            "playing": player.playing,
+            "speed": player.speed,
+        }
+        parts["moments"] = player.moments
+        return Shown(parts, self._board.picture)
+
+
+class Moment(NamedTuple):
+    """Something to find again in a recording: seconds since it began, its kind, and words."""
+
+    time: float
+    kind: MarkKind
+    words: str
+
+
+def moments_of(events: Sequence[Event]) -> Iterator[Moment]:
+    """Find collisions, touched walls and failures, without reading every sample's JSON."""
+    begin = events[0].received
+    touching = failing = False
+    for event in events:
+        if not isinstance(event, Arrival):
+            continue
+        when = (event.received - begin) * _NS
+        if event.leaf == DECISION.leaf and b'"collided":true' in event.data:
+            yield Moment(when, MarkKind.COLLISION, "collision")
+        elif event.leaf == TRUTH.leaf:
+            before, touching = touching, b'"contact":true' in event.data
+            if touching and not before:
+                yield Moment(when, MarkKind.CONTACT, "the body touched something")
+        elif event.leaf == STATE.leaf:
+            phases = (b'"phase":"recovering"', b'"phase":"failed"')
+            before, failing = failing, any(phase in event.data for phase in phases)
+            if failing and not before:
+                yield Moment(when, MarkKind.FAILURE, "failure")
 
 
 class RecordingSource:
@@ -76,6 +189,7 @@ class RecordingSource:
         duration: of the recording, seconds.
         playing: whether time passes.
         speed: how many times faster.
+        moments: collisions and failures, for the page's slider.
     """
 
     def __init__(
@@ -89,6 +203,9 @@ class RecordingSource:
         self.speed = 1.0
         self._events = list(in_playing_time(events))
         first = self._events[0].received
+        found = list(moments_of(self._events))[:_MOMENTS]
+        told = [[round(each.time, 2), each.kind.value, each.words] for each in found]
+        self.moments: dict[str, Any] = {"moments": told}
         self._times = [(event.received - first) * _NS for event in self._events]
         self.duration = self._times[-1]
         self._clock = clock
@@ -117,6 +234,12 @@ class RecordingSource:
         if self.playing:
             self.seek(self._position + passed * self.speed)
             self.playing = self._position < self.duration
+
+    def resumed(self, look: Look) -> Self:
+        """Return this player where a page was that it has lost its connection to."""
+        self.seek(look.position)
+        self.playing, self.speed = look.playing, look.speed
+        return self
 
     def toggle(self) -> None:
         """Play or pause; at the end, from the beginning."""

@@ -12,7 +12,8 @@ needed. Needs the extra 'recording'.
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from io import BytesIO
 from typing import BinaryIO, Final, NamedTuple
 
@@ -22,19 +23,21 @@ from khepera_protocol.text import quoted
 
 from macor_hil.files import MIB
 
-_MAGIC: Final = b"\x89MCAP0\r\n"
-_HEAD: Final = struct.Struct("<BQ")
-_CHUNK: Final = struct.Struct("<QQQI")
+MAGIC: Final = b"\x89MCAP0\r\n"
+HEAD: Final = struct.Struct("<BQ")
+_CHUNK_HEAD: Final = struct.Struct("<QQQI")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 
-_CHANNEL: Final = 0x04
+CHANNEL: Final = 0x04
 _MESSAGE_OPCODE: Final = 0x05
-_CHUNK_OPCODE: Final = 0x06
-_FOOTER: Final = 0x02
+CHUNK: Final = 0x06
+MESSAGE_INDEX: Final = 0x07
+CHUNK_INDEX: Final = 0x08
+FOOTER: Final = 0x02
 _DATA_END: Final = 0x0F
 _PRIVATE: Final = 0x80
 
-_MOST: Final = 64 * MIB
+MOST: Final = 64 * MIB
 """Bytes of a record, and of a chunk when it is expanded."""
 
 _LONGEST_NAME: Final = 1024
@@ -69,11 +72,11 @@ class Damage(NamedTuple):
     reason: str
 
 
-class _DamageError(Exception):
+class DamageError(Exception):
     """A part cannot be read; the message says why."""
 
 
-class _Parts:
+class Parts:
     """The contents of a record, taken from the front."""
 
     def __init__(self, data: bytes) -> None:
@@ -84,72 +87,93 @@ class _Parts:
         return self._at < len(self._data)
 
     def numbers(self, form: struct.Struct) -> tuple[int, ...]:
+        """Take numbers of a form."""
         return form.unpack(self.take(form.size))
 
     def number(self, size: int) -> int:
+        """Take a number of so many bytes."""
         return int.from_bytes(self.take(size), "little")
 
     def take(self, length: int) -> bytes:
+        """Take so many bytes.
+
+        Raises:
+            DamageError: there are fewer.
+        """
         end = self._at + length
         if end > len(self._data):
-            raise _DamageError("a part of it is longer than the whole")
+            raise DamageError("a part of it is longer than the whole")
         taken = bytes(self._data[self._at : end])
         self._at = end
         return taken
 
     def text(self) -> str:
+        """Take a short text.
+
+        Raises:
+            DamageError: it is long, cut off, or no text.
+        """
         length = self.number(4)
         if length > _LONGEST_NAME:
-            raise _DamageError("a name has no end")
+            raise DamageError("a name has no end")
         try:
             return self.take(length).decode()
         except UnicodeDecodeError:
-            raise _DamageError("a name is not UTF-8 text") from None
+            raise DamageError("a name is not UTF-8 text") from None
 
     def rest(self) -> bytes:
+        """Take all that is left."""
         return self.take(len(self._data) - self._at)
 
 
-class _Topics:
-    """Topics of channels, by their numbers."""
+class Topics:
+    """Topics of channels, by their numbers.
 
-    def __init__(self) -> None:
-        self._topics: dict[int, str] = {}
+    Args:
+        known: those that need not be described any more.
+    """
+
+    def __init__(self, known: Mapping[int, str] | None = None) -> None:
+        self._topics = dict(known or {})
 
     def hear(self, opcode: int, contents: bytes) -> Message | None:
         """Remember a channel, or return a message; other records are not needed.
 
         Raises:
-            _DamageError: it cannot be read, or its channel is not known.
+            DamageError: it cannot be read, or its channel is not known.
         """
-        parts = _Parts(contents)
-        if opcode == _CHANNEL:
+        parts = Parts(contents)
+        if opcode == CHANNEL:
             number, _ = parts.number(2), parts.number(2)
             self._topics[number] = parts.text()
         elif opcode == _MESSAGE_OPCODE:
             number, sequence, log_time, publish_time = parts.numbers(_MESSAGE)
             if number not in self._topics:
-                raise _DamageError("it is of a channel that is not described")
+                raise DamageError("it is of a channel that is not described")
             return Message(self._topics[number], sequence, log_time, publish_time, parts.rest())
         return None
 
 
 def read_messages(file: BinaryIO) -> Iterator[Message | Damage]:
     """Read all messages of a file, in their order, with what cannot be read between them."""
-    topics = _Topics()
-    if file.read(len(_MAGIC)) != _MAGIC:
+    if file.read(len(MAGIC)) != MAGIC:
         yield Damage(0, "it does not begin as MCAP does")
         return
+    yield from read_on(file, Topics())
+
+
+def read_on(file: BinaryIO, topics: Topics) -> Iterator[Message | Damage]:
+    """Read the messages of a file from where a record begins, likewise."""
     while True:
         place = file.tell()
-        head = file.read(_HEAD.size)
-        if len(head) < _HEAD.size:
+        head = file.read(HEAD.size)
+        if len(head) < HEAD.size:
             yield Damage(place, "it was cut off")
             return
-        opcode, length = _HEAD.unpack(head)
-        if opcode in (_DATA_END, _FOOTER):
+        opcode, length = HEAD.unpack(head)
+        if opcode in (_DATA_END, FOOTER):
             return
-        if length > _MOST:
+        if length > MOST:
             yield Damage(place, f"a part would have {length:,} bytes")
             return
         contents = file.read(length)
@@ -158,45 +182,55 @@ def read_messages(file: BinaryIO) -> Iterator[Message | Damage]:
             return
         try:
             yield from _messages(topics, opcode, contents)
-        except _DamageError as error:
+        except DamageError as error:
             yield Damage(place, str(error))
 
 
-def _messages(topics: _Topics, opcode: int, contents: bytes) -> Iterator[Message]:
+def read_record(file: BinaryIO, topics: Topics) -> Iterator[Message]:
+    """Read the messages of the one record that begins here; those behind damage are left out."""
+    head = file.read(HEAD.size)
+    if len(head) == HEAD.size:
+        opcode, length = HEAD.unpack(head)
+        if length <= MOST:
+            with suppress(DamageError):
+                yield from _messages(topics, opcode, file.read(length))
+
+
+def _messages(topics: Topics, opcode: int, contents: bytes) -> Iterator[Message]:
     """Read the messages of a record, which is one itself or a chunk of many.
 
     Raises:
-        _DamageError: it cannot be read, or not to its end.
+        DamageError: it cannot be read, or not to its end.
     """
     if opcode == 0 or _DATA_END < opcode < _PRIVATE:
-        raise _DamageError("it is of an unknown kind")
-    if opcode != _CHUNK_OPCODE:
+        raise DamageError("it is of an unknown kind")
+    if opcode != CHUNK:
         message = topics.hear(opcode, contents)
         if message is not None:
             yield message
         return
-    parts = _Parts(_chunk(_Parts(contents)))
+    parts = Parts(_chunk(Parts(contents)))
     while parts:
-        opcode, length = parts.numbers(_HEAD)
+        opcode, length = parts.numbers(HEAD)
         message = topics.hear(opcode, parts.take(length))
         if message is not None:
             yield message
 
 
-def _chunk(parts: _Parts) -> bytes:
+def _chunk(parts: Parts) -> bytes:
     """Return the records of a chunk.
 
     Raises:
-        _DamageError: they cannot be expanded, or are not those that were written.
+        DamageError: they cannot be expanded, or are not those that were written.
     """
-    _, _, size, checksum = parts.numbers(_CHUNK)
-    if size > _MOST:
-        raise _DamageError(f"a chunk would have {size:,} bytes when it is expanded")
+    _, _, size, checksum = parts.numbers(_CHUNK_HEAD)
+    if size > MOST:
+        raise DamageError(f"a chunk would have {size:,} bytes when it is expanded")
     compression = parts.text()
     data = parts.take(parts.number(8))
     records = _expanded(compression, data, size)
     if len(records) != size or (checksum and zlib.crc32(records) != checksum):
-        raise _DamageError("a chunk is not what its checksum says")
+        raise DamageError("a chunk is not what its checksum says")
     return records
 
 
@@ -210,11 +244,11 @@ def _expanded(compression: str, data: bytes, size: int) -> bytes:
                 with zstandard.ZstdDecompressor().stream_reader(BytesIO(data)) as reader:
                     return reader.read(size + 1)
             except (zstandard.ZstdError, MemoryError):
-                raise _DamageError("a chunk cannot be expanded") from None
+                raise DamageError("a chunk cannot be expanded") from None
         case "lz4":
             try:
                 expanded = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
             except (RuntimeError, EOFError, ValueError, MemoryError):
-                raise _DamageError("a chunk cannot be expanded") from None
+                raise DamageError("a chunk cannot be expanded") from None
             return bytes(expanded)
-    raise _DamageError(f"a chunk is compressed as {quoted(compression, 20)}; zstd and lz4 are read")
+    raise DamageError(f"a chunk is compressed as {quoted(compression, 20)}; zstd and lz4 are read")

@@ -73,7 +73,7 @@ class Player:
             self._keys = {
                 place: AnsweringPublisher(session, key, robot)
                 for place, key in KEYS_BY_PLACE.items()
-                if key.published or key.payload
+                if (key.published or key.payload) and not key.acts  # nothing can be done to it
             }
             for key_publisher in self._keys.values():
                 stack.callback(key_publisher.close)

@@ -1,39 +1,42 @@
 """Recordings: the events of a robot as an MCAP file, which other tools open, too.
 
-Samples are kept as they came, under their keys as topics: JSON with its schema, pictures as
-`foxglove.CompressedImage`. A message's log time is when it came, its publish time is the stamp's,
-on the robot's clock. Beside them stands what Foxglove draws by itself; see `telemetry.foxglove`.
+They are kept as `telemetry.viewers.topics` tells them. A message's log time is when it came, its
+publish time is the stamp's, on the robot's clock.
 
 Chunks are small and go to the file at once: a recorder that is killed loses the last one, and what
 was written before can be read. Needs the extra 'recording'.
 """
 
-import json
 import logging
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import BinaryIO, Final, Self
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
-from google.protobuf.message import Message as Protobuf
-from khepera_protocol.zenoh.keys import ALIVE, KEYS_BY_PLACE, Key, schema_name
-from khepera_protocol.zenoh.payload_model import Payload
+from khepera_protocol.zenoh.keys import ALIVE, KEYS_BY_PLACE
 from khepera_protocol.zenoh.payloads import Stamp
-from khepera_protocol.zenoh.schema import schema_of
 from mcap.writer import CompressionType, Writer
-from mcap_protobuf.schema import register_schema
 
 from macor_hil.errors import RecordingError
 from macor_hil.files import MIB, InputError, open_regular
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.recordings.foxglove import drawings
-from macor_hil.telemetry.recordings.mcap_file import Damage, Message, read_messages
+from macor_hil.telemetry.recordings.mcap_file import (
+    Damage,
+    Message,
+    Topics,
+    read_messages,
+    read_on,
+    read_record,
+)
+from macor_hil.telemetry.recordings.mcap_index import Index, latest_before, read_index
+from macor_hil.telemetry.viewers.topics import Alive, Told
+from macor_hil.telemetry.viewers.topics import Topics as ViewerTopics
 
 _CHUNK: Final = 16 * 1024
 """Bytes in a chunk at most, but for a larger sample: what a killed recorder loses."""
@@ -56,12 +59,6 @@ _RATIO: Final = 256
 _MOST_MEMORY: Final = 2048 * MIB
 
 
-class Alive(Payload):
-    """The presence of a side; in recordings only, for its liveliness token."""
-
-    alive: bool
-
-
 class Recorder:
     """A writer of events to a file; use as a context.
 
@@ -79,7 +76,7 @@ class Recorder:
     def __init__(self, path: Path, robot: str) -> None:
         self.samples = 0
         self._path = path
-        self._robot = robot
+        self._topics = ViewerTopics(robot)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         try:
@@ -124,69 +121,30 @@ class Recorder:
             RecordingError: the disk is full, or gone.
         """
         try:
-            if isinstance(event, Presence):
-                self._json(ALIVE[event.side], Alive(alive=event.alive), event.received)
-            else:
-                self._sample(event)
-                self.samples += 1
-            for topic, message in drawings(event):
-                self._protobuf(f"foxglove/{self._robot}/{topic}", message, event.received)
+            for told in self._topics.tell(event):
+                self._writer.add_message(
+                    self._channel(told),
+                    log_time=told.time,
+                    data=told.data,
+                    publish_time=told.published,
+                    sequence=told.sequence,
+                )
             self._file.flush()  # what is whole is the system's, whatever becomes of this process
         except OSError as error:
             raise self._failed(error) from None
+        self.samples += isinstance(event, Arrival)
 
-    def _sample(self, arrival: Arrival) -> None:
-        key = KEYS_BY_PLACE[arrival.side, arrival.leaf]
-        topic = key.of(self._robot)
-        if key.payload:
-            channel = self._json_channel(topic, arrival.side, key.payload)
-            data = arrival.data
-        else:
-            picture = CompressedImage(
-                frame_id="camera", data=arrival.data, format=arrival.encoding.partition("/")[2]
+    def _channel(self, told: Told) -> int:
+        if told.topic not in self._channels:
+            form = told.form
+            if form.name not in self._schemas:
+                self._schemas[form.name] = self._writer.register_schema(
+                    form.name, form.schema_encoding, form.schema
+                )
+            self._channels[told.topic] = self._writer.register_channel(
+                told.topic, form.encoding, self._schemas[form.name]
             )
-            picture.timestamp.FromNanoseconds(arrival.received)
-            channel = self._protobuf_channel(topic, picture)
-            data = picture.SerializeToString()
-        self._add(channel, data, arrival.received, arrival.stamp)
-
-    def _json(self, key: Key, payload: Payload, received: int) -> None:
-        channel = self._json_channel(key.of(self._robot), key.side, type(payload))
-        self._add(channel, payload.model_dump_json().encode(), received, None)
-
-    def _protobuf(self, topic: str, message: Protobuf, received: int) -> None:
-        channel = self._protobuf_channel(topic, message)
-        self._add(channel, message.SerializeToString(), received, None)
-
-    def _add(self, channel: int, data: bytes, received: int, stamp: Stamp | None) -> None:
-        self._writer.add_message(
-            channel,
-            log_time=received,
-            data=data,
-            publish_time=max(0, round(stamp.time * _SECOND)) if stamp else received,
-            sequence=stamp.sequence if stamp else 0,
-        )
-
-    def _json_channel(self, topic: str, side: str, payload: type[Payload]) -> int:
-        if topic not in self._channels:
-            name = schema_name(side, payload)
-            if name not in self._schemas:
-                schema = json.dumps(schema_of(payload)).encode()
-                self._schemas[name] = self._writer.register_schema(name, "jsonschema", schema)
-            self._channels[topic] = self._writer.register_channel(
-                topic, "json", self._schemas[name]
-            )
-        return self._channels[topic]
-
-    def _protobuf_channel(self, topic: str, message: Protobuf) -> int:
-        if topic not in self._channels:
-            name = message.DESCRIPTOR.full_name
-            if name not in self._schemas:
-                self._schemas[name] = register_schema(self._writer, type(message))
-            self._channels[topic] = self._writer.register_channel(
-                topic, "protobuf", self._schemas[name]
-            )
-        return self._channels[topic]
+        return self._channels[told.topic]
 
     def _close(self) -> None:
         with suppress(OSError):  # there is no room for what is left
@@ -196,8 +154,15 @@ class Recorder:
         return RecordingError(f"cannot record to {self._path}: {error.strerror}")
 
 
-def play_recording(path: Path) -> tuple[str, Iterator[Event]]:
+def play_recording(path: Path, begin: float = 0.0) -> tuple[str, Iterator[Event]]:
     """Read a recording while it is used, as far as it goes; what is left out is told.
+
+    One that is begun later begins with the latest event of each kind before that: what was so then.
+    It is found by the index at the end of the file; without one, the file is read to there.
+
+    Args:
+        path: the file.
+        begin: seconds after its first message at which to begin.
 
     Returns:
         The robot's name, and its events in their order.
@@ -205,7 +170,7 @@ def play_recording(path: Path) -> tuple[str, Iterator[Event]]:
     Raises:
         RecordingError: there is no such file, or nothing of a robot in it.
     """
-    events = _events(path)
+    events = _events(path, begin)
     first = next(events, None)
     if first is None:
         raise RecordingError(f"{path} is no recording of a robot: no sample of one is in it")
@@ -254,8 +219,8 @@ class _LeftOut:
             _log.warning("%s: left out %s%s", path, self._first, more)
 
 
-def _events(path: Path) -> Iterator[tuple[str, Event]]:
-    """Read the events, with the names of their robots.
+def _events(path: Path, begin: float = 0.0) -> Iterator[tuple[str, Event]]:
+    """Read the events from a time on, with the names of their robots.
 
     Raises:
         RecordingError: the file cannot be read.
@@ -264,7 +229,7 @@ def _events(path: Path) -> Iterator[tuple[str, Event]]:
     try:
         with open_regular(path) as file:
             room = _ROOM + _RATIO * os.fstat(file.fileno()).st_size
-            for message in read_messages(file):
+            for message in _messages(file, round(begin * _SECOND)):
                 if isinstance(message, Damage):
                     left_out.add(f"a part at byte {message.place:,}: {message.reason}")
                     continue
@@ -286,6 +251,57 @@ def _events(path: Path) -> Iterator[tuple[str, Event]]:
         raise RecordingError(f"cannot read {path}: {error.strerror}") from None
     finally:
         left_out.tell(path)
+
+
+def _messages(file: BinaryIO, begin: int) -> Iterator[Message | Damage]:
+    """Read messages from a time after the first one (ns) on, the latest before that first."""
+    if begin <= 0:
+        yield from read_messages(file)
+        return
+    index = read_index(file)
+    if index is None:
+        file.seek(0)
+        yield from _read_to(read_messages(file), begin)
+        return
+    time = index.begin + begin
+    yield from _latest(file, index, time)
+    if (place := index.place_of(time)) is not None:
+        file.seek(place)
+        for message in read_on(file, Topics(index.topics)):
+            if isinstance(message, Damage) or message.log_time >= time:
+                yield message
+
+
+def _latest(file: BinaryIO, index: Index, time: int) -> Iterator[Message]:
+    """Read the latest message of each topic before a time, in the order of their times."""
+    found: dict[str, Message] = {}
+    wanted = {number for number, topic in index.topics.items() if _TOPIC.fullmatch(topic)}
+    for place in {place for _, place in latest_before(file, index, time, wanted).values()}:
+        file.seek(place)
+        for message in read_record(file, Topics(index.topics)):
+            if message.log_time < time and _TOPIC.fullmatch(message.topic):
+                last = found.get(message.topic)
+                if last is None or message.log_time >= last.log_time:
+                    found[message.topic] = message
+    yield from sorted(found.values(), key=lambda message: message.log_time)
+
+
+def _read_to(messages: Iterable[Message | Damage], begin: int) -> Iterator[Message | Damage]:
+    """Read from the beginning to a time after it, and keep the latest message of each topic."""
+    latest: dict[str, Message] = {}
+    time: int | None = None
+    for message in messages:
+        if isinstance(message, Damage):
+            yield message
+            continue
+        time = message.log_time + begin if time is None else time
+        if message.log_time < time:
+            latest[message.topic] = message
+            continue
+        yield from sorted(latest.values(), key=lambda each: each.log_time)
+        latest.clear()
+        yield message
+    yield from sorted(latest.values(), key=lambda each: each.log_time)
 
 
 def _event(side: str, leaf: str, message: Message) -> Event | None:

@@ -82,9 +82,16 @@ class Node:
             topic: what it publishes.
             depth: samples that it keeps.
         """
+        return self._end(number, "MP", topic, depth)
+
+    def subscription_token(self, number: int, topic: Topic, depth: int = DEPTH) -> str:
+        """Return the key of a subscription's liveliness token, likewise."""
+        return self._end(number, "MS", topic, depth)
+
+    def _end(self, number: int, kind: str, topic: Topic, depth: int) -> str:
         what = f"{_mangled(topic.name)}/{topic.dds_kind}/{topic.kind_hash}"
         # parts are empty where they are rmw_zenoh's defaults, and have to be: the GID hashes them
-        return f"{self._entity(number, 'MP')}/{what}/::,{depth}:,:,:,,"
+        return f"{self._entity(number, kind)}/{what}/::,{depth}:,:,:,,"
 
     def _entity(self, number: int, kind: str) -> str:
         enclave = "%"

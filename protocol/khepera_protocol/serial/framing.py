@@ -33,6 +33,11 @@ class RequestSplitter:
         self._limit = limit
         self._line = bytearray()
 
+    def end(self, data: bytearray, limit: int) -> int:
+        """Count the bytes up to and with the first line end among so many; 0 if there is none."""
+        found = REQUEST_END.search(data, 0, limit)
+        return found.end() if found else 0
+
     def take(self, data: bytes) -> bytes | None:
         """Take in bytes of which the last one alone may end a line.
 

@@ -135,7 +135,9 @@ class Phase(StrEnum):
     """The phase of a run."""
 
     STARTING = "starting"
+    TRAINING = "training"
     DRIVING = "driving"
+    PAUSED = "paused"
     LATE = "late"
     RECOVERING = "recovering"
     STOPPED = "stopped"
@@ -151,8 +153,18 @@ class State(Payload):
     camera: Text
     map: Text
     driven: Count = Field(description="commands driven so far")
-    limit: Count = Field(description="commands after which the run ends")
+    limit: Count = Field(description="commands after which the run ends; 0: it has no end")
     reason: Text = Field(default="", description="why it is late, recovering, stopped or failed")
+
+
+class Steer(Payload):
+    """A wish to those who drive: only what is given changes."""
+
+    pause: bool | None = Field(
+        default=None, description="true: stand after this command; false: go on"
+    )
+    planner: Name | None = Field(default=None, description="plan by another one from now on")
+    goal: Name | None = Field(default=None, description="drive there; with the planner goal")
 
 
 class Command(Payload):

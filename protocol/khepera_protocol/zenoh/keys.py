@@ -3,9 +3,19 @@
 from dataclasses import dataclass
 from typing import Final
 
-from khepera_protocol.zenoh.controller_payloads import Decision, Learned, Link, State
+from khepera_protocol.zenoh.controller_payloads import Decision, Learned, Link, State, Steer
 from khepera_protocol.zenoh.payload_model import MOST_JSON, MOST_PICTURE, Payload
-from khepera_protocol.zenoh.payloads import CameraQuery, Outline, Reset, Stop, Truth, Wire
+from khepera_protocol.zenoh.payloads import (
+    CameraQuery,
+    FaultsOn,
+    FaultSwitch,
+    Outline,
+    Push,
+    Reset,
+    Stop,
+    Truth,
+    Wire,
+)
 
 DESCRIBE: Final = "describe"
 """Selector parameter that asks a JSON key for its schema: `macor/<robot>/decision?describe`."""
@@ -103,7 +113,26 @@ ARENA: Final = Key(
     leaf="arena",
     what="The arena from above.",
     payload=Outline,
+    published="when a thing has moved, while someone listens",
     answers="the arena as it is now",
+)
+PUSH: Final = Key(
+    side=EMULATOR,
+    leaf="push",
+    what="Puts a thing that robots can push somewhere else.",
+    payload=Outline,
+    answers="the arena with the thing in its new place",
+    request=Push,
+    acts=True,
+)
+FAULTS: Final = Key(
+    side=EMULATOR,
+    leaf="faults",
+    what="Switches faults of the robot and its line on and off.",
+    payload=FaultsOn,
+    answers="the kinds of faults that are on afterwards",
+    request=FaultSwitch,
+    acts=True,
 )
 WIRE: Final = Key(
     side=EMULATOR,
@@ -167,14 +196,23 @@ STOP: Final = Key(
     request=Stop,
     acts=True,
 )
+STEER: Final = Key(
+    side=CONTROLLER,
+    leaf="steer",
+    what="Pauses the run, or changes planner or goal, where that was allowed with `--steer-key`.",
+    media=("text/plain",),
+    answers="what is done, in words",
+    request=Steer,
+    acts=True,
+)
 CONTROLLER_ALIVE: Final = Key(
     side=CONTROLLER,
     leaf="alive",
     what="Liveliness token: there while the controller runs.",
 )
 
-EMULATOR_KEYS: Final = (CAMERA, TRUTH, RESET, ARENA, WIRE, EMULATOR_ALIVE)
-CONTROLLER_KEYS: Final = (FRAME, DECISION, MAP, STATE, LINK, STOP, CONTROLLER_ALIVE)
+EMULATOR_KEYS: Final = (CAMERA, TRUTH, RESET, ARENA, PUSH, FAULTS, WIRE, EMULATOR_ALIVE)
+CONTROLLER_KEYS: Final = (FRAME, DECISION, MAP, STATE, LINK, STOP, STEER, CONTROLLER_ALIVE)
 
 KEYS: Final = EMULATOR_KEYS + CONTROLLER_KEYS
 """All keys of a robot."""

@@ -76,6 +76,30 @@ class Reset(Payload):
     )
 
 
+class Push(Payload):
+    """Another place for a thing that robots can push."""
+
+    thing: Count = Field(description="its number, from 0")
+    x: Real = Field(description="metres")
+    y: Real = Field(description="metres")
+
+
+Kinds = Annotated[list[Text], FailFast(), Field(max_length=MOST_FAULTS)]
+
+
+class FaultSwitch(Payload):
+    """Faults of a robot or its line that are switched on or off; nothing given: a look at them."""
+
+    on: Kinds = Field(default=[], description="faults as --fault takes them; `at` counts from now")
+    off: Kinds = Field(default=[], description="kinds of faults")
+
+
+class FaultsOn(Payload):
+    """The faults of a robot and its line that are switched on."""
+
+    kinds: Kinds = Field(description="in the order in which they were switched on")
+
+
 class Solid(Payload):
     """Something upright in an arena, seen from above."""
 
@@ -93,6 +117,12 @@ class Outline(Payload):
     solids: Annotated[list[Solid], FailFast()] = Field(max_length=MOST_SOLIDS)
     start: Pose
     robot_radius: float = Field(gt=0.0, le=1.0, description="metres")
+    things: Count = Field(
+        default=0, description="the last so many solids can be pushed; numbers begin at the first"
+    )
+    world: Name = Field(
+        default="", description="the same for all robots of one world; empty: unknown"
+    )
 
 
 class WireEntry(Payload):

@@ -1,8 +1,10 @@
 """The map's page: heat maps and curves of mean lengths, tables, and where the orderings hold."""
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
+from khepera_protocol import palette
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -42,7 +44,7 @@ def _name(grid: Grid) -> str:
 def _heat(settings: Settings, grid: Grid, found: Map) -> Figure:
     """Mean length of each system, with the share of trials that collided below the number."""
     points = grid.at(settings.base)
-    figure = Figure(figsize=(3.6 * len(SYSTEMS) + 0.8, 3.8), layout="constrained")
+    figure = Figure(figsize=(3.6 * len(SYSTEMS) + 1.0, 4.4), layout="constrained")
     all_axes = figure.subplots(1, len(SYSTEMS), squeeze=False)[0]
     most = float(settings.course.commands)
     shape = len(grid.rows.values), len(grid.columns.values)
@@ -50,17 +52,17 @@ def _heat(settings: Settings, grid: Grid, found: Map) -> Figure:
     for axes, name in zip(all_axes, SYSTEMS, strict=True):
         here = [found[point][name] for point in points.values()]
         lengths = np.array([np.mean(one.length) for one in here]).reshape(shape)
-        image = axes.imshow(lengths, cmap="viridis", vmin=0.0, vmax=most, aspect="auto")
+        image = axes.imshow(lengths, vmin=0.0, vmax=most, aspect="auto")
         for place, one in zip(np.ndindex(shape), here, strict=True):
             length = float(lengths[place])
             colour = "black" if length > 0.6 * most else "white"
             text = f"{length:.1f}\n{100 * np.mean(one.collided):.0f} %"
             row, column = place
-            axes.text(column, row, text, ha="center", va="center", color=colour, fontsize=9)
+            axes.text(column, row, text, ha="center", va="center", color=colour)
         axes.set_xticks(range(shape[1]), [shown(value) for value in grid.columns.values])
         axes.set_yticks(range(shape[0]), [shown(value) for value in grid.rows.values])
         axes.set_xlabel(LABELS[grid.columns.name])
-        axes.set_title(name, fontsize=10)
+        axes.set_title(name)
     all_axes[0].set_ylabel(LABELS[grid.rows.name])
     if image is not None:
         figure.colorbar(image, ax=list(all_axes), label="commands in a trial, mean")
@@ -71,15 +73,15 @@ def _curves(settings: Settings, found: Map) -> Figure:
     """Mean length over what is varied alone, with 95 % intervals."""
     columns = min(3, len(settings.lines))
     count = -(-len(settings.lines) // columns)
-    figure = Figure(figsize=(3.6 * columns, 3.0 * count), layout="constrained")
+    figure = Figure(figsize=(4.0 * columns, 3.4 * count), layout="constrained")
     all_axes = figure.subplots(count, columns, squeeze=False, sharey=True).flat
     for axes, line in zip(all_axes, settings.lines, strict=False):
         _curve(axes, settings.base, line, found)
     for axes in list(all_axes)[len(settings.lines) :]:
         axes.set_axis_off()
     first = figure.axes[0]
-    first.legend(fontsize=8)
-    first.set_ylim(0.0, settings.course.commands + 1.0)
+    first.set_ylim(0.0, settings.course.commands + 2.0)
+    figure.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     for axes in figure.axes[::columns]:
         axes.set_ylabel("commands in a trial, mean")
     return figure
@@ -87,11 +89,11 @@ def _curves(settings: Settings, found: Map) -> Figure:
 
 def _curve(axes: Axes, base: Point, line: Axis, found: Map) -> None:
     places = np.arange(len(line.values))
-    for aside, name in zip((-0.08, 0.0, 0.08), SYSTEMS, strict=True):
+    for aside, marker, name in zip((-0.08, 0.0, 0.08), palette.MARKERS, SYSTEMS, strict=False):
         means = [found[line.at(base, value)][name].mean_length() for value in line.values]
         middle = [one.value for one in means]
         bars = [[one.value - one.low for one in means], [one.high - one.value for one in means]]
-        axes.errorbar(places + aside, middle, np.abs(bars), marker="o", capsize=3, label=name)
+        axes.errorbar(places + aside, middle, np.abs(bars), marker=marker, capsize=4, label=name)
     axes.set_xticks(places, [shown(value) for value in line.values])
     axes.set_xlabel(LABELS[line.name])
 
@@ -110,17 +112,35 @@ def tell(settings: Settings, results: Results) -> list[Element]:
         }
         heads = LABELS[grid.rows.name], LABELS[grid.columns.name]
         blocks += [
-            Picture(_name(grid), "Mean length of trials; below it the share that collided."),
+            Picture(_name(grid), _caption(points, found)),
             _table(heads, points, found),
         ]
     if settings.lines:
-        blocks.append(Picture("lines", "Varied alone: mean length, 95 % intervals over seeds."))
+        blocks.append(Picture("lines", _LINES))
     for line in settings.lines:
         on_line: dict[Values, Point] = {
             (shown(value),): line.at(settings.base, value) for value in line.values
         }
         blocks.append(_table((LABELS[line.name],), on_line, found))
     return blocks
+
+
+def _caption(points: Mapping[Values, Point], found: Map) -> str:
+    longest = []
+    for name in SYSTEMS:
+        lengths = [float(np.mean(found[point][name].length)) for point in points.values()]
+        at = list(points)[int(np.argmax(lengths))]
+        longest.append(f"{name} at {' and '.join(at)}")
+    return (
+        "Mean length of trials, the brighter the longer; below it the share that collided. Longest"
+        f" trials: {'; '.join(longest)}."
+    )
+
+
+_LINES: Final = (
+    "Each setting varied alone: mean length of trials, bars: 95 % interval over seeds. Where bars"
+    " overlap, these seeds do not show that the setting matters."
+)
 
 
 def _table(heads: Sequence[str], points: Mapping[Values, Point], found: Map) -> Table:

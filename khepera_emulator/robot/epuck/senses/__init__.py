@@ -1,0 +1,1 @@
+"""Senses of an e-puck: infrared, motion, distance, ground, camera."""

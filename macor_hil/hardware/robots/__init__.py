@@ -1,0 +1,1 @@
+"""Robots as the driver drives them, whatever kind they are."""

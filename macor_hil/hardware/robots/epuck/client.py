@@ -1,0 +1,351 @@
+"""Client of an e-puck on any pySerial port, driven as a Khepera is.
+
+A look is one row: the speeds that the wheels shall have, the speeds that the robot was told (which
+says that they have arrived), infrared sensors and step counters. Whoever looks steers: between two
+looks the wheels turn on as they were told.
+"""
+
+import os
+import weakref
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final, Self
+
+from khepera_protocol.epuck.codes import pack, row, unpack
+from khepera_protocol.epuck.letters import wrapped
+from khepera_protocol.epuck.units import STEP
+from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
+
+from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
+from macor_hil.hardware.line.line_statistics import Meter
+from macor_hil.hardware.robots.epuck.line import EpuckLine
+from macor_hil.hardware.robots.epuck.servo import Servo
+from macor_hil.hardware.robots.robot import WheelStatus
+from macor_hil.safety.interruption import undisturbed
+
+_COUNTS: Final = STEP / PULSE
+"""Counts of the driver for a step."""
+
+_TOP: Final = 1000
+"""Steps a second that every e-puck makes."""
+
+_MOST: Final = 1100
+"""Steps a second that the fastest of them makes."""
+
+_STOP: Final = row(("D", pack((0, 0))))
+
+_ORDER: Final = (5, 6, 7, 0, 1, 2, 3, 4)
+"""An e-puck's sensors from the left over the front to the back right and left."""
+
+_NEAR: Final = 600
+"""Reading before a white wall at 15 mm, at which a Khepera's sensor is saturated."""
+
+_FULL: Final = 1023
+_SATURATED: Final = 1000
+
+_SPEEDS, _PROXIMITY, _STEPS = slice(0, 4), slice(4, 20), slice(20, 24)
+_SIZE: Final = 24
+
+_ATTEMPTS: Final = 3
+_PAUSE: Final = 0.2
+_NEAR_ZERO, _FAR_FROM_ZERO = 25, 50
+"""Steps: a reset wheel has not got farther, and one is told from a reset wheel from here on."""
+
+_Pair = tuple[int, int]
+
+
+class Epuck:
+    """An e-puck on an open serial port; use as a context, so that every way out stops it.
+
+    Args:
+        port: an open pySerial port.
+        reopen: opens that port again after it has failed; None: it cannot be.
+
+    Attributes:
+        clock: seconds on the clock that the port lives by.
+        meter: counts requests and times their round trips on that clock.
+    """
+
+    top_speed = int(_TOP * STEP / SPEED_UNIT)
+    _counted: float
+
+    def __init__(self, port: Any, reopen: Callable[[], Any] | None = None) -> None:
+        self._take(EpuckLine(port))
+        self.meter = Meter()
+        self._reopen = reopen
+        self._broken = False
+        self._failures = 0
+        self._steps = [0, 0]
+        self._raw: _Pair = (0, 0)
+        self._wanted: _Pair = (0, 0)
+        self._told: _Pair = (0, 0)
+        self._wheels = Servo(), Servo()
+        self._steering = False
+        self._looked = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def port(self) -> Any:
+        """The pySerial port; another one after a reconnection."""
+        return self._line.port
+
+    def connect(self) -> tuple[str, ...]:
+        """Clear the line, ask for the version, and see where the counters are.
+
+        Raises:
+            RobotError: nothing on the port answers like an e-puck.
+        """
+        self._line.clear()
+        line = self._line.say("V")
+        if not line.startswith(b"v,"):
+            raise GarbageError(f"sent b'V\\r' and got {line!r}: is this an e-puck?", b"V\r", line)
+        self._line.clear()  # of the second line, which some firmwares say
+        self._line.reset_seen = False
+        self._begin()
+        return (line[2:].decode("ascii", "replace"),)
+
+    def halt(self) -> None:
+        """Stop the robot, whatever an interrupted exchange has left on the line.
+
+        Raises:
+            RobotError: no stop was confirmed.
+        """
+        self._rest()
+        _halt(self._line)
+
+    def recover(self, patience: float) -> bool:
+        """Get the robot back: port, line, standstill, and the counters that a reset has lost.
+
+        Args:
+            patience: seconds to go on trying.
+
+        Returns:
+            Whether the robot had been reset: its way since the last `counters` is then unknown,
+            and its counters go on from those.
+
+        Raises:
+            RobotError: it did not come back.
+        """
+        deadline = self.clock() + patience
+        while True:
+            try:
+                reset = self._revive()
+            except RobotError as error:
+                self._failures += 1
+                self._broken = isinstance(error, LinkError) or self._failures % _ATTEMPTS == 0
+                if self.clock() >= deadline:
+                    raise
+                self._line.pause(_PAUSE)
+            else:
+                self._failures = 0
+                return reset
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass on the port's clock."""
+        self._line.pause(seconds)
+
+    def close(self) -> None:
+        """Stop the robot as far as the line still allows, and close the port, once."""
+        self._end()
+
+    def set_speed(self, left: int, right: int) -> None:
+        """Hold wheel speeds, counts / 10 ms."""
+        self._steering = False
+        self._wanted = _steps_a_second(left), _steps_a_second(right)
+        self._look()
+
+    def stop(self) -> None:
+        """Stand still."""
+        self.set_speed(0, 0)
+
+    def go_to(self, left: int, right: int) -> None:
+        """Drive both wheels to counter values; whoever looks steers."""
+        for wheel, target in zip(self._wheels, (left, right), strict=True):
+            wheel.target = target / _COUNTS
+        self._steering = True
+        self._look()
+
+    def set_profile(self, left: tuple[int, int], right: tuple[int, int]) -> None:
+        """Top speed and acceleration of each wheel on its way to a target; protocol units."""
+        for wheel, (speed, acceleration) in zip(self._wheels, (left, right), strict=True):
+            wheel.top = min(speed * SPEED_UNIT / STEP, float(_TOP))
+            wheel.acceleration = max(acceleration, 1) * ACCELERATION_UNIT / STEP
+
+    def set_counters(self, left: int, right: int) -> None:
+        """Let the counters of a robot that stands read so much; those of the robot stay."""
+        self._look()
+        self._steps = [round(left / _COUNTS), round(right / _COUNTS)]
+
+    def counters(self) -> _Pair:
+        """Return the counters, left and right."""
+        self._look()
+        return self._counts()
+
+    def status(self) -> tuple[WheelStatus, WheelStatus]:
+        """State of the motion, left and right."""
+        self._look()
+        left, right = (
+            WheelStatus(
+                reached=self._steering and wheel.reached(steps),
+                speed_mode=not self._steering,
+                error=round(wheel.left_over(steps) * _COUNTS) if self._steering else 0,
+            )
+            for wheel, steps in zip(self._wheels, self._steps, strict=True)
+        )
+        return left, right
+
+    def proximity(self) -> tuple[int, ...]:
+        """Return the eight infrared sensors in the driver's scale and order."""
+        raw = unpack(self._look()[_PROXIMITY])
+        return tuple([min(raw[k] * _SATURATED // _NEAR, _FULL) for k in _ORDER])
+
+    def battery(self) -> None:
+        """Return None: e-pucks tell it in three ways, none of them the driver's."""
+
+    def _look(self) -> bytes:
+        """Tell the wheels their speeds and see how it goes; steers them on."""
+        answer = self._exchange()
+        if self._steering:
+            now = self.clock()
+            elapsed, self._looked = now - self._looked, now
+            left, right = (
+                round(wheel.steer(steps, elapsed))
+                for wheel, steps in zip(self._wheels, self._steps, strict=True)
+            )
+            self._wanted = left, right
+            if self._wanted != self._told and not (left and right):
+                answer = self._exchange()  # one of them is there: not at the next look, but now
+        return answer
+
+    def _exchange(self) -> bytes:
+        """Send the speeds that are wanted, and take the answer in; what is lost is sent again."""
+        for attempt in range(1, _ATTEMPTS + 1):
+            try:
+                answer = self._ask()
+            except (SilenceError, GarbageError):
+                self.meter.failed()
+                if attempt == _ATTEMPTS:
+                    raise
+                self._line.clear(_STOP)  # nobody looks while it is asked again
+            else:
+                self._told = self._wanted
+                self._count(unpack(answer[_STEPS], signed=True))
+                return answer
+        raise AssertionError("unreachable")
+
+    def _ask(self) -> bytes:
+        start = self.clock()
+        answer = self._line.ask(row(("D", pack(self._wanted)), "E", "N", "Q"), _SIZE)
+        if unpack(answer[_SPEEDS], signed=True) != self._wanted:
+            raise GarbageError(
+                f"told {self._wanted} and read back {answer[_SPEEDS]!r}", b"", answer
+            )
+        self._check(unpack(answer[_STEPS], signed=True))
+        self.meter.answered(self.clock() - start)
+        return answer
+
+    def _check(self, raw: tuple[int, ...]) -> None:
+        """See that no wheel has gone farther than it can: nothing on the line protects a number.
+
+        A robot that stands has been put somewhere else and switched on: it counts on from there.
+        """
+        now: float = self.clock()
+        most = _MOST * (now - self._counted) + _NEAR_ZERO
+        if any(abs(wrapped(new - old, 16)) > most for new, old in zip(raw, self._raw, strict=True)):
+            if self._steering or self._wanted != (0, 0) or self._told != (0, 0):
+                raise GarbageError(f"counters went from {self._raw} to {raw} in so short a time")
+            left, right = raw
+            self._raw = left, right
+        self._counted = now
+
+    def _count(self, raw: tuple[int, ...]) -> None:
+        """Count on; the robot's own counters have 16 bits and wrap."""
+        left, right = raw
+        self._steps[0] += wrapped(left - self._raw[0], 16)
+        self._steps[1] += wrapped(right - self._raw[1], 16)
+        self._raw = left, right
+
+    def _counts(self) -> _Pair:
+        left, right = self._steps
+        return round(left * _COUNTS), round(right * _COUNTS)
+
+    def _begin(self) -> None:
+        """Take the robot's counters for where they are."""
+        self._rest()
+        self._raw = self._counters_of_the_robot()
+        self._counted = self.clock()
+
+    def _rest(self) -> None:
+        self._steering = False
+        self._wanted = 0, 0
+        for wheel in self._wheels:
+            wheel.speed = 0.0
+
+    def _counters_of_the_robot(self) -> _Pair:
+        left, right = unpack(self._line.ask(row("Q"), 4), signed=True)
+        return left, right
+
+    def _take(self, line: EpuckLine) -> None:
+        """Drive on a line, and answer for it that the robot stands at its end."""
+        self._line = line
+        self.clock = line.clock
+        self._end = weakref.finalize(self, _leave, line, os.getpid())
+
+    def _revive(self) -> bool:
+        if self._broken and self._reopen is not None:
+            self._line.close()
+            reset_seen = self._line.reset_seen
+            line = EpuckLine(self._reopen())
+            line.reset_seen = reset_seen
+            self._end.detach()
+            self._take(line)
+            self._broken = False
+        self.halt()
+        now = self._counters_of_the_robot()
+        reset = self._line.reset_seen or self._looks_reset(now)
+        self._counted = self.clock()
+        if reset:
+            self._raw = now
+        else:
+            self._count(now)
+        self._line.reset_seen = False
+        return reset
+
+    def _looks_reset(self, now: _Pair) -> bool:
+        """Return True if counters tell of a reset whose greeting nobody heard."""
+        return max(map(abs, now)) < _NEAR_ZERO and max(map(abs, self._raw)) > _FAR_FROM_ZERO
+
+
+def _steps_a_second(speed: int) -> int:
+    steps = round(speed * SPEED_UNIT / STEP)
+    return max(-_TOP, min(_TOP, steps))
+
+
+def _halt(line: EpuckLine) -> None:
+    stop = row(("D", pack((0, 0))), "E")
+    for attempt in range(1, _ATTEMPTS + 1):
+        try:
+            line.clear(stop)
+            if line.ask(stop, 4) != bytes(4):
+                raise GarbageError("told to stop, and the robot has other speeds", stop)
+        except RobotError:
+            if attempt == _ATTEMPTS:
+                raise
+        else:
+            return
+
+
+def _leave(line: EpuckLine, process: int) -> None:
+    """Stop the robot on a line as far as that still can be, and close the line."""
+    if os.getpid() != process:
+        return  # a copy of the process that drives it
+    try:
+        with undisturbed(), suppress(RobotError):  # the line is gone: nothing is left to say on it
+            _halt(line)
+    finally:
+        line.close()

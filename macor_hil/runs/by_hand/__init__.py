@@ -1,0 +1,1 @@
+"""Driving by hand: keys of a terminal, velocities of a program."""

@@ -1,0 +1,1 @@
+"""Learning that is kept: trainings that go on, recorded drives, live runs."""

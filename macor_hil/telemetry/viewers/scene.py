@@ -1,0 +1,275 @@
+"""Messages that Foxglove draws by itself, made from a robot's events.
+
+Frames: `arena` is the arena's, `odometry` begins where a run does, `robot` goes with the robot
+(`viewers.frames`). Each message shows all that there is of its subject, so that a viewer that jumps
+in time needs the latest one of each topic alone.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from math import cos, hypot, radians, sin
+from typing import Any, Final
+
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.message import Message
+from khepera_protocol.serial.commands import SENSOR_BEARINGS
+from khepera_protocol.serial.units import BODY_RADIUS, PROXIMITY_FULL
+from khepera_protocol.text import printable
+from khepera_protocol.zenoh.controller_payloads import Decision, Learned
+from khepera_protocol.zenoh.keys import PAYLOADS
+from khepera_protocol.zenoh.payload_model import Payload, PayloadError
+from khepera_protocol.zenoh.payloads import Outline, Pose, Solid, Truth, Wire
+
+from macor_hil.telemetry.feed import Arrival, Event
+from macor_hil.telemetry.viewers.distances import FARTHEST, distance
+from macor_hil.telemetry.viewers.frames import HERE, Whereabouts
+from macor_hil.telemetry.viewers.wire_lines import WireLine, WireLines
+
+ARENA: Final = "arena"
+ODOMETRY: Final = "odometry"
+ROBOT: Final = "robot"
+
+_WALL: Final = 0.05
+"""Metres that walls are drawn high; an arena from above does not tell."""
+
+_BODY: Final = 0.03
+"""Height of a Khepera without turrets, metres."""
+
+_EYE_HEIGHT: Final = 0.012
+"""Metres above the floor at which the infrared sensors are drawn."""
+
+_STEP: Final = 0.01
+"""Metres between two points of the way driven."""
+
+_WAY: Final = 500
+"""Points of it that are drawn: the last five metres."""
+
+_Colour = tuple[float, float, float, float]
+_BEST: Final = (1.0, 0.45, 0.0, 1.0)
+_OTHER: Final = (0.15, 0.45, 0.9, 0.7)
+_DRIVEN: Final = (0.2, 0.2, 0.25, 0.8)
+_SHELL: Final = (0.25, 0.25, 0.3, 1.0)
+_NOSE: Final = (1.0, 0.8, 0.1, 1.0)
+
+_Point = tuple[float, float, float]
+
+
+class Scene:
+    """Draws the events of one robot, in their order."""
+
+    def __init__(self) -> None:
+        self._where = Whereabouts()
+        self._lines = WireLines()
+        self._radius = BODY_RADIUS
+        self._way: deque[Pose] = deque(maxlen=_WAY)
+
+    def draw(self, event: Event, now: int) -> Iterator[tuple[str, Message]]:
+        """Yield messages that show an event, each with the last part of its topic.
+
+        Args:
+            event: what happened.
+            now: time that they carry, ns since 1970.
+        """
+        if not isinstance(event, Arrival):
+            return
+        kind = PAYLOADS.get((event.side, event.leaf))
+        if kind is None:
+            return
+        try:
+            payload = kind.parse(event.data)
+        except PayloadError:
+            return  # of another version: kept as it came, not drawn
+        for topic, message in self._drawn(payload):
+            if isinstance(message, SceneUpdate):
+                for entity in message.entities:
+                    entity.timestamp.FromNanoseconds(now)
+            else:
+                message.timestamp.FromNanoseconds(now)
+            yield topic, message
+
+    def _drawn(self, payload: Payload) -> Iterator[tuple[str, Message]]:
+        where = self._where
+        match payload:
+            case Truth():
+                where.truth = payload.pose
+                yield "pose", _pose(ARENA, payload.pose)
+                yield "transform", _transform(ARENA, ODOMETRY, where.origin)
+                yield from self._driven(payload.pose)
+            case Outline():
+                self._radius = payload.robot_radius
+                yield "arena", _update(_arena(payload))
+                yield "robot", _update(_robot(self._radius))
+            case Decision():
+                where.decide(payload)
+                if where.truth is not None:
+                    yield "transform", _transform(ARENA, ODOMETRY, where.origin)
+                yield "transform", _transform(ODOMETRY, ROBOT, where.odometry)
+                yield "odometry", _pose(ODOMETRY, where.odometry)
+                yield "robot", _update(_robot(self._radius))
+                yield "infrared", _update(_infrared(payload.infrared, self._radius))
+                yield "plan", _update(*self._plan(payload))
+                if where.truth is None:
+                    yield from self._driven(where.odometry)
+            case Wire():
+                for message in _logs(self._lines.take(payload)):
+                    yield "wire", message
+            case Learned():
+                where.learn(payload)
+
+    def _driven(self, pose: Pose) -> Iterator[tuple[str, Message]]:
+        """Yield the way driven, where it has become longer."""
+        way = self._way
+        step = hypot(pose.x - way[-1].x, pose.y - way[-1].y) if way else _STEP
+        if step > 10 * _STEP:
+            way.clear()  # the robot was put there
+        if step < _STEP:
+            return
+        way.append(pose)
+        entity = SceneEntity(frame_id=ODOMETRY if self._where.truth is None else ARENA, id="way")
+        _line(entity, [(each.x, each.y, 0.002) for each in way], 0.004, _DRIVEN)
+        yield "way", _update(entity)
+
+    def _plan(self, decision: Decision) -> Iterator[SceneEntity]:
+        """Yield what was weighed, the best one above, and its command in words."""
+        entity = SceneEntity(frame_id=ODOMETRY, id="plan")
+        ways = [(each.ahead, each.evaluation) for each in decision.hypotheses]
+        for rank, (ahead, _) in reversed(list(enumerate(ways))):
+            best = rank == 0
+            height = 0.006 if best else 0.004
+            points = [(pose.x, pose.y, height) for pose in self._where.way(ahead)]
+            _line(entity, points, 0.005 if best else 0.002, _BEST if best else _OTHER)
+        if ways:
+            end = self._where.way(ways[0][0])[-1]
+            ball = entity.spheres.add()
+            _place(ball, end, 0.008)
+            ball.size.x = ball.size.y = ball.size.z = 0.012
+            _paint(ball.color, _BEST)
+        words = entity.texts.add(
+            text=_words(decision), billboard=True, font_size=13.0, scale_invariant=True
+        )
+        _place(words, self._where.odometry, 2.5 * _BODY)
+        _paint(words.color, (0.1, 0.1, 0.1, 1.0))
+        yield entity
+
+
+def _words(decision: Decision) -> str:
+    value = f" {decision.hypotheses[0].evaluation:.2f}" if decision.hypotheses else ""
+    end = "  COLLISION" if decision.collided else ""
+    return printable(f"{decision.sequence}: {decision.command}{value}{end}", 100)
+
+
+def _update(*entities: SceneEntity) -> SceneUpdate:
+    return SceneUpdate(entities=entities)
+
+
+def _pose(frame: str, pose: Pose) -> PoseInFrame:
+    message = PoseInFrame(frame_id=frame)
+    _place(message, pose)
+    return message
+
+
+def _transform(frame: str, child: str, pose: Pose) -> FrameTransform:
+    message = FrameTransform(parent_frame_id=frame, child_frame_id=child)
+    message.translation.x, message.translation.y = pose.x, pose.y
+    message.rotation.z, message.rotation.w = sin(pose.heading / 2), cos(pose.heading / 2)
+    return message
+
+
+def _arena(outline: Outline) -> SceneEntity:
+    """Draw walls as upright prisms on a floor."""
+    entity = SceneEntity(frame_id=ARENA, id="arena")
+    corners = [corner for solid in outline.solids for corner in solid.corners]
+    if corners:
+        xs, ys = zip(*corners, strict=True)
+        floor = entity.cubes.add()
+        middle = Pose(x=(min(xs) + max(xs)) / 2, y=(min(ys) + max(ys)) / 2, heading=0.0)
+        _place(floor, middle, -0.002)
+        floor.size.x, floor.size.y = max(xs) - min(xs), max(ys) - min(ys)
+        floor.size.z = 0.002
+        _paint(floor.color, (*outline.floor, 1.0))
+    for solid in outline.solids:
+        _prism(entity, solid)
+    return entity
+
+
+def _prism(entity: SceneEntity, solid: Solid) -> None:
+    """Draw a solid, which is convex, from the floor up: its sides and its top."""
+    body = entity.triangles.add()
+    body.pose.orientation.w = 1.0
+    _paint(body.color, (*solid.colour, 1.0))
+    corners = solid.corners
+    for k, (x, y) in enumerate(corners):
+        nx, ny = corners[(k + 1) % len(corners)]
+        low, high = (x, y, 0.0), (x, y, _WALL)
+        next_low, next_high = (nx, ny, 0.0), (nx, ny, _WALL)
+        _points(body.points, [low, next_low, next_high, low, next_high, high])
+    for k in range(1, len(corners) - 1):
+        _points(body.points, [(*corners[i], _WALL) for i in (0, k, k + 1)])
+
+
+def _robot(radius: float) -> SceneEntity:
+    """Draw the body, two wheels, and an arrow that points ahead."""
+    entity = SceneEntity(frame_id=ROBOT, id="robot", frame_locked=True)
+    body = entity.cylinders.add(bottom_scale=1.0, top_scale=1.0)
+    _place(body, HERE, _BODY / 2)
+    body.size.x = body.size.y = 2 * radius
+    body.size.z = _BODY
+    _paint(body.color, _SHELL)
+    arrow = entity.arrows.add(
+        shaft_length=0.5 * radius,
+        shaft_diameter=0.006,
+        head_length=0.5 * radius,
+        head_diameter=0.014,
+    )
+    _place(arrow, HERE, _BODY + 0.003)
+    _paint(arrow.color, _NOSE)
+    return entity
+
+
+def _infrared(readings: Sequence[int], radius: float) -> SceneEntity:
+    """Draw a ray from each sensor to what it sees: the nearer, the redder."""
+    entity = SceneEntity(frame_id=ROBOT, id="infrared", frame_locked=True)
+    for bearing, reading in zip(map(radians, SENSOR_BEARINGS), readings, strict=True):
+        share = min(max(reading / PROXIMITY_FULL, 0.0), 1.0)
+        seen = distance(reading)
+        reach = radius + (FARTHEST if seen is None else seen)
+        ends = [
+            (length * cos(bearing), length * sin(bearing), _EYE_HEIGHT)
+            for length in (radius, reach)
+        ]
+        _line(entity, ends, 0.003, (share, 1.0 - share, 0.1, 0.35 if seen is None else 1.0))
+    return entity
+
+
+def _line(entity: SceneEntity, points: Sequence[_Point], thickness: float, colour: _Colour) -> None:
+    line = entity.lines.add(type=LinePrimitive.LINE_STRIP, thickness=thickness)
+    line.pose.orientation.w = 1.0
+    _paint(line.color, colour)
+    _points(line.points, points)
+
+
+def _points(into: Any, points: Sequence[_Point]) -> None:
+    for x, y, z in points:
+        into.add(x=x, y=y, z=z)
+
+
+def _place(part: Any, pose: Pose, height: float = 0.0) -> None:
+    part.pose.position.x, part.pose.position.y, part.pose.position.z = pose.x, pose.y, height
+    part.pose.orientation.z = sin(pose.heading / 2)
+    part.pose.orientation.w = cos(pose.heading / 2)
+
+
+def _paint(part: Color, colour: _Colour) -> None:
+    part.r, part.g, part.b, part.a = colour
+
+
+def _logs(lines: Iterable[WireLine]) -> Iterator[Log]:
+    for line in lines:
+        level = Log.INFO if line.said else Log.WARNING
+        yield Log(level=level, name=line.what, message=printable(line.text))

@@ -1,0 +1,239 @@
+"""A robot that ROS drives: it moves as it is told, and stands half a second after the last word."""
+
+import signal
+import struct
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from math import inf, nan
+
+import pytest
+import zenoh
+from controller_helpers import PATIENCE, free_endpoint
+from drives import MACOR_HIL, STATUSES, WAYS_OUT, Drive
+from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE
+from rig import STANDING, Rig, rig
+from rosbags.typesys.stores import ros2_jazzy as ros
+
+from macor_hil.hardware.driver import DriveSettings
+from macor_hil.hardware.khepera import Khepera, open_port
+from macor_hil.runs.by_hand.rolling import LIMIT, Rolling
+from macor_hil.telemetry.ros2.messages import cdr, header, twist
+from macor_hil.telemetry.ros2.twists import Twists, read_twist
+from macor_hil.telemetry.session import open_session
+
+KILLED = 0.9
+"""Seconds after which a robot stands that nobody can stop any more."""
+
+TOPICS = [topic for topic, _ in Twists("/khepera").heard()]
+STAMPED = ros.geometry_msgs__msg__TwistStamped(header(1, "base_link"), twist(0.1, -0.5))
+
+
+@pytest.mark.parametrize("frame", ["", "a", "base", "base_link", "khepera/base_link"])
+def test_twists_are_read_as_ros_writes_them(frame: str) -> None:
+    assert read_twist(cdr(twist(0.1, -0.5)), stamped=False) == (0.1, -0.5)
+    stamped = ros.geometry_msgs__msg__TwistStamped(header(1, frame), twist(0.1, -0.5))
+    assert read_twist(cdr(stamped), stamped=True) == (0.1, -0.5)
+
+
+GOOD = cdr(twist(0.1, 0.2))
+ODD = {
+    "empty": b"",
+    "cut off": GOOD[:-1],
+    "too long": GOOD + b"\0",
+    "big endian": b"\0\0" + GOOD[2:],
+    "not a number": cdr(twist(nan, 0.0)),
+    "infinite": cdr(twist(0.1, inf)),
+    "far too fast": cdr(twist(1e9, 0.0)),
+    "no header": b"\0\1\0\0" + bytes(4),
+    "a name without an end": b"\0\1\0\0" + struct.pack("<iII", 1, 2, 2**32 - 1) + bytes(56),
+    "huge": b"\0\1\0\0" + bytes(100_000),
+}
+
+
+@pytest.mark.parametrize("odd", ODD)
+def test_what_is_no_twist_moves_nothing(odd: str) -> None:
+    assert read_twist(ODD[odd], stamped=False) is None
+    assert read_twist(ODD[odd], stamped=True) is None
+
+
+def in_virtual_time(*, infrared: int = 1000) -> tuple[Khepera, Rolling]:
+    robot = Khepera(open_port("khepera://open-box?seed=1&drift=none"))
+    robot.connect()
+    return robot, Rolling(robot, DriveSettings(collision=infrared))
+
+
+def speeds(robot: Khepera, seconds: float, look: Callable[[], object]) -> list[tuple[float, float]]:
+    """Clock and speed of the faster wheel, until a time has passed."""
+    end = robot.clock() + seconds
+    seen = []
+    while robot.clock() < end:
+        truth = robot.port.emulator.truth()
+        seen.append((robot.clock(), max(map(abs, truth.speed))))
+        look()
+        robot.wait(0.01)
+    return seen
+
+
+MOTIONS = [(0.16, 0.0), (-0.16, 0.0), (0.1, 2.0), (0.0, -3.0), (9.0, 0.0)]
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize(("looks_on", "limit"), [(True, LIMIT), (False, KILLED)])
+def test_a_single_word_is_driven_for_a_moment(
+    motion: tuple[float, float], looks_on: bool, limit: float
+) -> None:
+    robot, rolling = in_virtual_time()
+    for _ in range(2):  # from rest, and while it rolls
+        rolling.go(*motion)
+        robot.wait(0.15)
+        rolling.go(*motion)
+        told = robot.clock()
+        seen = speeds(robot, 1.0, rolling.look if looks_on else lambda: ())
+        assert max(speed for _, speed in seen) > 0.03
+        assert max(when for when, speed in seen if speed > 0.004) - told < limit
+
+
+@pytest.mark.parametrize("speed", [0.04, 0.08, 0.16])
+def test_words_that_follow_each_other_are_one_drive(speed: float) -> None:
+    robot, rolling = in_virtual_time()
+    seen = []
+    for _ in range(12):
+        rolling.go(speed, 0.0)
+        seen += speeds(robot, 0.1, rolling.look)
+    steady = [speed for when, speed in seen if when > seen[0][0] + 0.5]
+    assert sum(steady) / len(steady) == pytest.approx(speed, rel=0.05)
+    assert min(steady) > 0.8 * speed
+
+
+def test_a_motion_is_the_one_that_was_told() -> None:
+    robot, rolling = in_virtual_time()
+    before = robot.port.emulator.truth().pose
+    for _ in range(10):
+        rolling.go(0.08, 1.0)
+        robot.wait(0.1)
+    after = robot.port.emulator.truth().pose
+    turn, way = after.heading - before.heading, robot.counters()
+    assert turn / ((way[0] + way[1]) / 2 * 0.00008) == pytest.approx(
+        1.0 / 0.08, rel=0.12
+    )  # multiples of 8 mm/s a wheel
+
+
+def test_what_is_ahead_stops_the_robot_and_the_way_back_is_free() -> None:
+    robot, rolling = in_virtual_time(infrared=1)
+    rolling.go(0.1, 0.0)
+    while max(rolling.look()[:6]) < 1:
+        robot.wait(0.01)
+    robot.wait(0.1)
+    assert robot.request("E").values == (0, 0)
+    rolling.go(0.1, 0.0)
+    robot.wait(0.1)
+    assert robot.request("E").values == (0, 0)
+    rolling.go(-0.1, 0.0)
+    robot.wait(0.1)
+    assert max(robot.request("E").values) < 0
+
+
+@pytest.fixture(scope="module")
+def shared_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    with rig(tmp_path_factory.mktemp("ros"), relay=False) as running:
+        yield running
+
+
+@pytest.fixture
+def bench(shared_bench: Rig) -> Iterator[Rig]:
+    shared_bench.make_ready()
+    yield shared_bench
+    shared_bench.end_controllers()
+
+
+class Joystick:
+    """A ROS node that says where to go, in the same Zenoh network."""
+
+    def __init__(self, session: zenoh.Session, stamped: bool) -> None:
+        topic, message = (TOPICS[1], STAMPED) if stamped else (TOPICS[0], twist(0.1, 0.5))
+        self._key, self._data, self._session = topic.key(7), cdr(message), session
+
+    def push(self, bench: Rig) -> None:
+        """Say it until the robot moves."""
+        end = time.monotonic() + PATIENCE
+        while bench.truth()[1] < 0.05:
+            self.say()
+            assert time.monotonic() < end, "the robot does not move"
+
+    def say(self) -> None:
+        time.sleep(0.02)  # as fast as a joystick
+        self._session.put(self._key, self._data)
+
+
+def driven(bench: Rig, *more: str) -> Drive:
+    line = ["--port", str(bench.link), "--baud", str(bench.baud), "--domain", "7"]
+    command = [*MACOR_HIL, "ros2", "--drive", *line, "--connect", bench.endpoint, *more]
+    return Drive(bench.controllers, command)
+
+
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("stamped", [False, True])
+def test_a_robot_that_hears_nothing_more_stands(bench: Rig, stamped: bool) -> None:
+    drive = driven(bench)
+    with open_session([free_endpoint()], [bench.endpoint]) as session:
+        joystick = Joystick(session, stamped)
+        assert bench.stops_within(LIMIT, lambda: joystick.push(bench))
+    drive.signal(signal.SIGTERM)
+    assert drive.wait() == 0
+
+
+ENDS: dict[str, Callable[[Drive], None]] = {
+    **WAYS_OUT,
+    "SIGKILL": lambda drive: drive.signal(signal.SIGKILL),
+    "SIGSTOP": lambda drive: drive.signal(signal.SIGSTOP),
+}
+
+
+@pytest.mark.wall_clock
+@pytest.mark.parametrize(
+    "way",
+    [pytest.param(way, marks=() if way == "SIGKILL" else pytest.mark.long) for way in ENDS],
+)
+def test_every_way_out_stops_a_robot_that_ros_drives(bench: Rig, way: str) -> None:
+    drives: list[Drive] = []
+
+    def attempt() -> None:
+        bench.make_ready()
+        drives.append(driven(bench))
+        with open_session([free_endpoint()], [bench.endpoint]) as session:
+            Joystick(session, stamped=False).push(bench)
+            ENDS[way](drives[-1])
+
+    assert bench.stops_within(LIMIT if way in STATUSES else KILLED, attempt)
+    if way in STATUSES:
+        assert drives[-1].wait() == STATUSES[way]
+
+
+@pytest.mark.long
+@pytest.mark.wall_clock
+def test_ros_never_drives_beside_a_controller(bench: Rig) -> None:
+    drive = driven(bench)
+    with (
+        open_session([free_endpoint()], [bench.endpoint]) as session,
+        ExitStack() as controller,
+    ):
+        joystick = Joystick(session, stamped=False)
+
+        def attempt() -> None:
+            controller.close()
+            joystick.push(bench)
+            token = session.liveliness().declare_token(CONTROLLER_ALIVE.of("khepera"))
+            controller.enter_context(token)
+
+        assert bench.stops_within(LIMIT, attempt)
+        for _ in range(20):
+            joystick.say()
+        assert bench.truth()[1] < STANDING
+        refused = driven(bench)
+        assert refused.wait() == 2
+        refused.wait_for(b"a controller drives khepera; end it first")
+        controller.close()
+        joystick.push(bench)
+    drive.signal(signal.SIGTERM)
+    assert drive.wait() == 0
