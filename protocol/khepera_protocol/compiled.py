@@ -57,6 +57,15 @@ class PlainRuns:
         return (choice == ALWAYS or self._done > most) and is_installed()
 
 
+_OPTIONS: Final[dict[str, Any]] = {
+    # divisions by zero are no errors, as in C
+    "error_model": "numpy",
+    # the lock of the interpreter is not held
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+}
+
+
 @cache
 def load(module: str) -> ModuleType:
     """Import a module of compiled functions, and those that it imports.
@@ -74,10 +83,7 @@ def compiled(function: _F) -> _F:
     """Compile a function when it is first called; for modules that `load` imports."""
     import numba
 
-    # divisions by zero are no errors, as in C; the lock of the interpreter is not held
-    made: _F = numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)(
-        function
-    )
+    made: _F = numba.njit(cache=True, **_OPTIONS)(function)
     return made
 
 
@@ -85,9 +91,7 @@ def part(function: _F) -> _F:
     """Compile a function that compiled functions alone call, which takes less time."""
     import numba
 
-    made: _F = numba.njit(
-        error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
-    )(function)
+    made: _F = numba.njit(no_cpython_wrapper=True, **_OPTIONS)(function)
     return made
 
 

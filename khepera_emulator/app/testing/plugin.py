@@ -95,8 +95,10 @@ def pytest_runtest_makereport(
     report = yield
     if report.failed and _ROBOT in item.stash:
         section = _section(item.stash[_ROBOT])
-        if hasattr(report.longrepr, "addsection"):  # which JUnit's XML shows, too
-            report.longrepr.addsection(*section)
+        # JUnit's XML shows sections of a failure's text, and no others
+        add = getattr(report.longrepr, "addsection", None)
+        if add is not None:
+            add(*section)
         else:
             report.sections.append(section)
     return report
