@@ -81,16 +81,15 @@ def load(module: str) -> ModuleType:
 
 def compiled(function: _F) -> _F:
     """Compile a function when it is first called; for modules that `load` imports."""
-    import numba
-
+    # its types declare fewer options than it has
+    numba: Any = import_module("numba")
     made: _F = numba.njit(cache=True, **_OPTIONS)(function)
     return made
 
 
 def part(function: _F) -> _F:
     """Compile a function that compiled functions alone call, which takes less time."""
-    import numba
-
+    numba: Any = import_module("numba")
     made: _F = numba.njit(no_cpython_wrapper=True, **_OPTIONS)(function)
     return made
 
