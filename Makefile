@@ -66,6 +66,7 @@ lint: style
 
 bench: $(READY)
 	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/service.py
 
 asv: $(RELEASE_READY)

@@ -299,7 +299,7 @@ class TestEnd:
             (signal.SIGQUIT, 130),
         ],
     )
-    @pytest.mark.parametrize("step", ["load_arena", "make_fleet", "open_port"])
+    @pytest.mark.parametrize("step", ["load_arena", "make_robots", "open_port"])
     def test_signal_ends_it_cleanly_before_it_is_ready(
         self, tmp_path: Path, number: signal.Signals, status: int, step: str
     ) -> None:
@@ -495,7 +495,7 @@ class TestCommandLine:
         ("options", "sentence"),
         [
             (["--arena", "nowhere"], "unknown arena 'nowhere'"),
-            (["--model", "e-puck"], "there is no robot model 'e-puck'; there are khepera"),
+            (["--model", "lego"], "there is no robot model 'lego'; there are khepera"),
             (["--drift", "much"], "cannot read the drift 'much'"),
             (["--baud", "fast"], "--baud: 'fast' is no rate; give auto, unpaced, or a rate"),
             (["--robot", "a/b"], "--robot: 'a/b': a name is made of letters"),

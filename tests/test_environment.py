@@ -1,9 +1,11 @@
 """Gymnasium environments: the checker's contract, the seed, what steps earn, and a real port."""
 
+import importlib
 import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from as_type import as_type
 from emulator_process import PATIENCE
 from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
+from khepera_protocol.compiled import is_installed
 from rig import Rig, rig
 
 from macor_hil.commands import COMMANDS, MotorCommand
@@ -395,3 +398,99 @@ def test_the_example_trains_and_scores_a_learner() -> None:
     )
     assert done.stdout.startswith("1 trials: ")
     assert "reinforcement" in done.stdout
+
+
+needs_numba = pytest.mark.skipif(not is_installed(), reason="Numba is not installed")
+
+
+def make_many(name: str, mode: str | None = None, count: int = 3, **settings: Any) -> Any:
+    made: Any = gymnasium.make_vec(name, num_envs=count, vectorization_mode=mode, **settings)
+    return closing(made)
+
+
+@needs_numba
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        (IDS[0], {"observation": "fields"}),
+        (IDS[0], {"observation": "proximity", "start": "arena", "port": "khepera://maze?seed=2"}),
+        (IDS[1], {"observation": "mirror", "port": "khepera://corridor?drift=strong&baud=unpaced"}),
+    ],
+)
+def test_many_are_what_each_is_alone(name: str, settings: Any) -> None:
+    with make_many(name, **settings) as many, make_many(name, "sync", **settings) as alone:
+        assert type(many.unwrapped).__name__.endswith("VectorEnv")
+        for space in ("observation_space", "action_space", "single_observation_space"):
+            assert getattr(many, space) == getattr(alone, space)
+        many.action_space.seed(1)
+        told = [(many.reset(seed=7), alone.reset(seed=7))]
+        ended = 0
+        for _ in range(45):
+            actions = many.action_space.sample()
+            told.append((many.step(actions), alone.step(actions)))
+            ended += int((told[-1][0][2] | told[-1][0][3]).sum())
+        assert ended >= 3  # so that episodes have begun anew
+        for together, one_by_one in told:
+            for own, other in zip(together[:-1], one_by_one[:-1], strict=True):
+                assert own.dtype == other.dtype
+                assert np.array_equal(own, other)
+            for key in ("proximity", "counters", "time", "pose"):
+                assert np.array_equal(together[-1][key], np.array(one_by_one[-1][key].tolist()))
+
+
+@needs_numba
+def test_many_take_seeds_and_a_mask_as_gymnasium_has_it() -> None:
+    with make_many(IDS[0], observation="proximity") as many:
+        first, _ = many.reset(seed=[5, 9, 5])
+        assert np.array_equal(first[0], first[2])
+        assert not np.array_equal(first[0], first[1])
+        many.step(np.array([2, 2, 2]))
+        before = itself(many)._robots.poses
+        many.reset(options={"reset_mask": np.array([False, True, False])})
+        moved = (itself(many)._robots.poses != before).any(axis=1)
+        assert moved.tolist() == [False, True, False]
+        with pytest.raises(MacorError, match="2 seeds for 3 robots"):
+            many.reset(seed=[1, 2])
+
+
+@needs_numba
+@pytest.mark.parametrize(
+    ("name", "actions"),
+    [
+        (IDS[0], [0, 1]),
+        (IDS[0], [0, 1, 3]),
+        (IDS[1], [[0.1, 0.1]] * 2),
+        (IDS[1], [[0.1, 0.1], [0.1, 0.2], [np.nan, 0.0]]),
+        (IDS[1], "fast"),
+    ],
+)
+def test_many_refuse_what_is_no_action_and_stand(name: str, actions: Any) -> None:
+    with make_many(name, observation="proximity") as many:
+        many.reset(seed=1)
+        before = itself(many)._robots.poses
+        with pytest.raises(InvalidAction):
+            itself(many).step(actions)
+        assert np.array_equal(itself(many)._robots.poses, before)
+
+
+@pytest.mark.parametrize(
+    ("port", "said"),
+    [
+        ("khepera://corridor?turret=gripper", "cannot have turrets"),
+        ("khepera://toys", "cannot have things to push"),
+        ("khepera://corridor?fault=drop:p=0.1&baud=1200", "faults and a slow line"),
+        ("khepera://nowhere", "nowhere"),
+    ],
+)
+def test_many_that_cannot_be_are_told_in_a_sentence(port: str, said: str) -> None:
+    message = said if is_installed() else "need Numba"
+    with pytest.raises(MacorError, match=message):
+        make_many(IDS[0], port=port)
+
+
+@needs_numba
+def test_the_example_with_many_robots_learns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(EXAMPLE.parent)
+    train = importlib.import_module("many_robots").train
+    curve = train(robots=64, updates=8, seed=1)
+    assert np.mean(curve[-3:]) > np.mean(curve[:3]) + 0.01

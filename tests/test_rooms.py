@@ -16,6 +16,7 @@ MOST = 14
 
 OPENS_THE_EMULATOR = {
     "macor_hil.cli.common",
+    "macor_hil.environment.many",
     "macor_hil.experiments.drives.arena_files",
     "macor_hil.hardware.bench",
     "macor_hil.hardware.line.serial_line",
@@ -30,6 +31,7 @@ IO = {
 """Modules that know files, lines, clocks, threads, a process or its terminal."""
 
 WITH_IO = {
+    "khepera_protocol.compiled": {"os", "pathlib", "sys"},
     "khepera_protocol.config_file": {"pathlib", "typer"},
     "khepera_protocol.extras": {"sys", "urllib"},
     "khepera_protocol.logs": {"time"},
@@ -41,6 +43,7 @@ WITH_IO = {
 """The only ones that import them, of the mind and of the protocol beside two of its folders."""
 
 SEEN_BY_THE_MIND = {
+    "khepera_protocol.compiled",
     "khepera_protocol.mirror",
     "khepera_protocol.options",
     "khepera_protocol.registry",

@@ -7,7 +7,7 @@ same wheels drive a rigid body in PyBullet instead: `rigid_body`. `periods` then
 through a period together. (In a world of rigid bodies they drive that one all the time.)
 """
 
-from math import cos, inf, pi, sin
+from math import cos, pi, sin
 from typing import TYPE_CHECKING
 
 from khepera_protocol.serial.units import CONTROL_PERIOD
@@ -16,7 +16,7 @@ from khepera_protocol.zenoh.payloads import Pose, WheelDrift
 from khepera_emulator.body.contact import Contact, Motion, Touch
 from khepera_emulator.body.hull import robot_look
 from khepera_emulator.models import Model
-from khepera_emulator.world.floor_plan import Surroundings
+from khepera_emulator.world.floor_plan import NEAR, Surroundings
 from khepera_emulator.world.looks import Look
 from khepera_emulator.world.solids import Disc, Solid
 from khepera_emulator.world.world import World
@@ -58,12 +58,12 @@ class Chassis(Disc):
         self._model = model
         self._plan = world.plan
         self._world = world
-        self._left_scale, self._right_scale = drift.left_scale, drift.right_scale
-        self._wheel_base = drift.wheel_base
+        self.left_scale, self.right_scale = drift.left_scale, drift.right_scale
+        self.wheel_base = drift.wheel_base
         self.scene = world.scene(self)
         # None in a world where nothing else moves: nothing to look out for
         self._surroundings = self.scene if isinstance(self.scene, Surroundings) else None
-        self._pushing = Contact(model, drift.wheel_base)
+        self.pushing = Contact(model, drift.wheel_base)
         self.rigid = _rigid_body(world, model, drift.wheel_base)
         if world.shared:
             world.movers.append(self)
@@ -82,11 +82,11 @@ class Chassis(Disc):
         self.ground_speed = (0.0, 0.0)
         self.reach = 0.0
         self._dynamic = False
-        self._sliding: Motion | None = None
-        self._free_way = self._apart = 0.0
+        self.sliding: Motion | None = None
+        self.free_way = self._apart = 0.0
         self._world.arrangement += 1
         self._arrangement = -1
-        self._pushing.forget()
+        self.pushing.forget()
         self.show()
 
     def roll(self, ways: tuple[float, float], slip: tuple[float, float]) -> tuple[float, float]:
@@ -108,8 +108,8 @@ class Chassis(Disc):
         Then `go`, or `drive`, `World.period` and `arrive`.
         """
         grip_left, grip_right = 1.0 + slip[0], 1.0 + slip[1]
-        left = self._left_scale * (grip_left if grip_left > _LEAST_GRIP else _LEAST_GRIP)
-        right = self._right_scale * (grip_right if grip_right > _LEAST_GRIP else _LEAST_GRIP)
+        left = self.left_scale * (grip_left if grip_left > _LEAST_GRIP else _LEAST_GRIP)
+        right = self.right_scale * (grip_right if grip_right > _LEAST_GRIP else _LEAST_GRIP)
         self._ways = ways
         self._scales = left, right
         self._ground = ground_left, ground_right = ways[0] * left, ways[1] * right
@@ -131,8 +131,8 @@ class Chassis(Disc):
         if self._apart > _MOVER_MARGIN and self._arrangement == arrangement:
             return False
         reach = self.radius + self.reach + _MOVER_MARGIN
-        nearest, meets = inf, False
-        for mover in self._surroundings.others():
+        nearest, meets = NEAR, False
+        for mover in self._surroundings.around(self.x, self.y):
             gap = mover.gap(self.x, self.y)
             meets = meets or gap < reach + mover.reach
             nearest = min(nearest, gap)
@@ -144,13 +144,13 @@ class Chassis(Disc):
     def go(self) -> tuple[float, float]:
         """Go the way that was aimed at, as far as walls allow; returns the wheels' ways."""
         limit = self.reach + _CLOSE
-        if self._free_way < limit or self._sliding is not None:
+        if self.free_way < limit or self.sliding is not None:
             near = self._plan.near(self.x, self.y, self.radius + limit)
-            if near or self._sliding is not None:
+            if near or self.sliding is not None:
                 self._go_along(near)
                 return self._ways
-            self._free_way = self._plan.clearance(self.x, self.y) - self.radius
-        self._free_way -= self.reach
+            self.free_way = self._plan.clearance(self.x, self.y) - self.radius
+        self.free_way -= self.reach
         self.contact = False
         self._glide()
         return self._ways
@@ -169,8 +169,8 @@ class Chassis(Disc):
         if not self._dynamic:
             self.show()
             self._dynamic = True
-            self._sliding = None
-            self._pushing.forget()
+            self.sliding = None
+            self.pushing.forget()
         assert self.rigid is not None
         self.rigid.drive(self._ground, self.ground_speed)
 
@@ -181,7 +181,7 @@ class Chassis(Disc):
         self.x, self.y, self.contact = arrival.x, arrival.y, arrival.contact
         self.heading += (arrival.heading - self.heading + pi) % (2 * pi) - pi
         self.ground_speed = arrival.ground_speed
-        self._free_way = 0.0  # who knows where it was pushed
+        self.free_way = 0.0  # who knows where it was pushed
         left, right = (
             0.0 if abs(turned) < _STILL and abs(wanted) < _STILL else turned / scale
             for turned, wanted, scale in zip(arrival.turned, self._ways, self._scales, strict=True)
@@ -193,7 +193,7 @@ class Chassis(Disc):
         self._dynamic = False
         left, right = self._ground
         # exact integration over the period: both wheels on arcs about a common centre
-        turn = (right - left) / self._wheel_base
+        turn = (right - left) / self.wheel_base
         half, way = turn / 2, (left + right) / 2
         if not -1e-9 <= half <= 1e-9:
             way *= sin(half) / half
@@ -206,10 +206,10 @@ class Chassis(Disc):
     def _go_along(self, near: list[Solid]) -> None:
         """Go close to solids, or until the tyres have stopped slipping: glide, or push."""
         self._dynamic = False
-        self._free_way = 0.0
+        self.free_way = 0.0
         left, right = self._ground
-        sliding = self._sliding
-        turn = (right - left) / self._wheel_base
+        sliding = self.sliding
+        turn = (right - left) / self.wheel_base
         # the direction in the middle of the period
         middle = self.heading + (turn if sliding is None else sliding.rate * CONTROL_PERIOD) / 2
         c, s, way = cos(middle), sin(middle), (left + right) / 2
@@ -227,21 +227,21 @@ class Chassis(Disc):
                 self._glide()
                 return
             before_left, before_right = self.ground_speed
-            rate = (before_right - before_left) / self._wheel_base
+            rate = (before_right - before_left) / self.wheel_base
             sliding = Motion((before_left + before_right) / 2, 0.0, rate)
         wheels = left / CONTROL_PERIOD, right / CONTROL_PERIOD
-        motion = self._pushing.push(sliding, wheels, touches)
+        motion = self.pushing.push(sliding, wheels, touches)
         ahead, aside, rate = motion
         self.x += (c * ahead - s * aside) * CONTROL_PERIOD
         self.y += (s * ahead + c * aside) * CONTROL_PERIOD
         self.heading += rate * CONTROL_PERIOD
-        half = rate * self._wheel_base / 2
+        half = rate * self.wheel_base / 2
         self.ground_speed = ahead - half, ahead + half
-        self.contact = self._pushing.pressing or gap < _CLOSE
-        self._sliding = motion
-        if not (self._pushing.pressing or self._pushing.slipping):
-            self._sliding = None
-            self._pushing.forget()
+        self.contact = self.pushing.pressing or gap < _CLOSE
+        self.sliding = motion
+        if not (self.pushing.pressing or self.pushing.slipping):
+            self.sliding = None
+            self.pushing.forget()
 
 
 def _rigid_body(world: World, model: Model, wheel_base: float) -> "RigidBody | None":

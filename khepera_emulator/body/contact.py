@@ -88,23 +88,23 @@ class Contact:
         arm = wheel_base / 2
         # a hull of four fifths of the mass, and two wheels
         inertia = 0.4 * mass * model.radius**2 + 0.2 * mass * arm**2
-        self._mass = mass
+        self.mass = mass
         light, turns = 1.0 / mass, 1.0 / inertia
-        self._light, self._arm, self._radius = light, arm, model.radius
-        self._turns_arm, self._turns_radius = turns * arm, turns * model.radius
+        self.light, self.arm, self.radius = light, arm, model.radius
+        self.turns_arm, self.turns_radius = turns * arm, turns * model.radius
         # impulses for each m/s of slip; the same ahead as aside, so that friction opposes the slip
-        self._stiff = 1.0 / (light + arm * self._turns_arm)
-        self._rub = 1.0 / (light + model.radius * self._turns_radius)
-        self._hold = _TYRE * mass * GRAVITY / 2 * CONTROL_PERIOD
-        self._tolerance = _ACCURACY * self._hold
-        self._lean = _TYRE * _HEIGHT / (2 * arm)
+        self.stiff = 1.0 / (light + arm * self.turns_arm)
+        self.rub = 1.0 / (light + model.radius * self.turns_radius)
+        self.hold = _TYRE * mass * GRAVITY / 2 * CONTROL_PERIOD
+        self.tolerance = _ACCURACY * self.hold
+        self.lean = _TYRE * _HEIGHT / (2 * arm)
         self.forget()
 
     def forget(self) -> None:
         """Begin anew: nothing has been pushed before."""
         self.pressing = self.slipping = False
-        self._tyres: _Tyres = (0.0, 0.0, 0.0, 0.0)
-        self._walls: list[_Impulse] = []
+        self.tyres: _Tyres = (0.0, 0.0, 0.0, 0.0)
+        self.walls: list[_Impulse] = []
 
     def push(self, motion: Motion, wheels: tuple[float, float], touches: Sequence[Touch]) -> Motion:
         """Return the motion at the end of a period.
@@ -116,31 +116,31 @@ class Contact:
         """
         moves, walls = self._begin(motion, touches)
         limits = [(gap if gap > 0.0 else _PUSH_OUT * gap) / CONTROL_PERIOD for gap, _, _ in touches]
-        tyres = self._tyres
-        tolerance = self._tolerance
+        tyres = self.tyres
+        tolerance = self.tolerance
         for _ in range(_TURNS):
             moves, lean, change = self._press(moves, touches, limits, walls)
             moves, tyres, change = self._grip(moves, tyres, wheels, lean, change)
             if change < tolerance:
                 break
-        self._tyres, self._walls = tyres, walls
+        self.tyres, self.walls = tyres, walls
         self.pressing = any(press > 0.0 for press, _ in walls)
         ahead, left, rate = moves
-        slip = abs(left) + abs(ahead - self._arm * rate - wheels[0])
-        self.slipping = slip + abs(ahead + self._arm * rate - wheels[1]) > _SLIPPING
+        slip = abs(left) + abs(ahead - self.arm * rate - wheels[0])
+        self.slipping = slip + abs(ahead + self.arm * rate - wheels[1]) > _SLIPPING
         return Motion(ahead, left, rate)
 
     def _begin(self, motion: Motion, touches: Sequence[Touch]) -> tuple[_Moves, list[_Impulse]]:
         """Apply the impulses of the period before; return the motion and those of the walls."""
-        light, turns_radius = self._light, self._turns_radius
+        light, turns_radius = self.light, self.turns_radius
         ahead, left, rate = motion
-        al, ll, ar, lr = self._tyres
-        walls = self._walls
+        al, ll, ar, lr = self.tyres
+        walls = self.walls
         if len(walls) != len(touches):
             walls = [(0.0, 0.0)] * len(touches)
         ahead += light * (al + ar)
         left += light * (ll + lr)
-        rate += self._turns_arm * (ar - al)
+        rate += self.turns_arm * (ar - al)
         for (_, to_ahead, to_left), (press, drag) in zip(touches, walls, strict=True):
             ahead -= light * (press * to_ahead + drag * to_left)
             left -= light * (press * to_left - drag * to_ahead)
@@ -165,8 +165,8 @@ class Contact:
         Returns:
             The motion, how far the robot leans to the left, and how much the impulses changed.
         """
-        light, radius, mass = self._light, self._radius, self._mass
-        turns_radius, rub = self._turns_radius, self._rub
+        light, radius, mass = self.light, self.radius, self.mass
+        turns_radius, rub = self.turns_radius, self.rub
         ahead, left, rate = moves
         change = lean = 0.0
         for number, (_, to_ahead, to_left) in enumerate(touches):
@@ -209,11 +209,11 @@ class Contact:
         Returns:
             The motion, the tyres' impulses, and how much all impulses changed in this turn.
         """
-        light, arm, hold = self._light, self._arm, self._hold
-        turns_arm, stiff = self._turns_arm, self._stiff
+        light, arm, hold = self.light, self.arm, self.hold
+        turns_arm, stiff = self.turns_arm, self.stiff
         ahead, left, rate = moves
         al, ll, ar, lr = tyres
-        lean *= self._lean
+        lean *= self.lean
         lean = hold if lean > hold else -hold if lean < -hold else lean
         most = hold - lean
         a, b = al - stiff * (ahead - arm * rate - wheels[0]), ll - stiff * left

@@ -4,7 +4,6 @@ The counters of H are exact numbers of wheel rotation; drift turns the counted w
 into its way over ground. Systematic errors are drawn once for each robot, slip every 10 ms.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Final
@@ -13,6 +12,7 @@ import numpy as np
 from khepera_protocol.text import quoted
 from khepera_protocol.zenoh.payloads import WheelDrift
 
+from khepera_emulator.body.drawn import Drawn
 from khepera_emulator.errors import EmulatorError
 
 
@@ -81,7 +81,6 @@ def draw_drift(settings: DriftSettings, wheel_base: float, rng: np.random.Genera
     )
 
 
-def slip_sequence(rng: np.random.Generator, block: int = 256) -> Iterator[tuple[float, float]]:
-    """Draw endless standard normal pairs, drawn in blocks because single draws are slow."""
-    while True:
-        yield from rng.standard_normal((block, 2)).tolist()
+def slip_sequence(rng: np.random.Generator, block: int = 256) -> Drawn:
+    """Return endless standard normal pairs, one for each control period."""
+    return Drawn(lambda: rng.standard_normal((block, 2)))

@@ -77,14 +77,14 @@ class Wheel:
     measured: int = 0
     offset: int = 0
     reached: bool = False
-    _reference: float = 0.0
-    _reference_speed: float = 0.0
-    _integral: float = 0.0
-    _last_error: float = 0.0
-    _response: float = field(init=False)
+    reference: float = 0.0
+    reference_speed: float = 0.0
+    integral: float = 0.0
+    last_error: float = 0.0
+    response: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self._response = 1.0 - exp(-CONTROL_PERIOD / self.motor.time_constant)
+        self.response = 1.0 - exp(-CONTROL_PERIOD / self.motor.time_constant)
 
     @property
     def counter(self) -> int:
@@ -93,7 +93,7 @@ class Wheel:
 
     @counter.setter
     def counter(self, value: int) -> None:
-        self._reference += value - self.counter
+        self.reference += value - self.counter
         self.offset = value - floor(self.travel)
 
     @property
@@ -108,14 +108,14 @@ class Wheel:
         if self.mode is not _SPEED:
             self._clear()
             # take over without a jump: the integral begins at the duty that holds this speed
-            self._integral = self._holding_duty(self.speed) * self._scale(self.speed_gains.ki)
+            self.integral = self._holding_duty(self.speed) * self._scale(self.speed_gains.ki)
         self.mode, self.set_speed, self.reached = _SPEED, speed, False
 
     def drive_position(self, target: int) -> None:
         """Go to a counter value along the profile, from the present place and speed."""
         if self.mode is not _POSITION:
             self._clear()
-            self._reference, self._reference_speed = float(self.counter), self.speed
+            self.reference, self.reference_speed = float(self.counter), self.speed
         self.mode, self.target, self.reached = _POSITION, target, False
 
     def drive_duty(self, duty: int) -> None:
@@ -141,8 +141,8 @@ class Wheel:
             else:
                 gains, error = self.position_gains, self._follow()
                 # the profile's own speed is fed forward: the PID has only its errors to mend
-                forward = self._reference_speed
-            scale, ki, integral = motor.gain_scale, gains.ki, self._integral
+                forward = self.reference_speed
+            scale, ki, integral = motor.gain_scale, gains.ki, self.integral
             if ki:
                 integral += error
                 limit = FULL_DUTY * scale / ki
@@ -150,11 +150,9 @@ class Wheel:
                     integral = limit
                 elif integral < -limit:
                     integral = -limit
-                self._integral = integral
-            duty = (
-                gains.kp * error + ki * integral + gains.kd * (error - self._last_error)
-            ) / scale
-            self._last_error = error
+                self.integral = integral
+            duty = (gains.kp * error + ki * integral + gains.kd * (error - self.last_error)) / scale
+            self.last_error = error
             duty = FULL_DUTY if duty > FULL_DUTY else -FULL_DUTY if duty < -FULL_DUTY else duty
             if forward != 0.0:
                 duty += (friction if forward > 0.0 else -friction) + forward * room / top_speed
@@ -166,7 +164,7 @@ class Wheel:
             free = (duty + friction) * top_speed / room
         else:
             free = 0.0
-        speed = self.speed + (free - self.speed) * self._response
+        speed = self.speed + (free - self.speed) * self.response
         # a motor without drive comes to rest instead of creeping for ever
         return 0.0 if free == 0.0 and -_CREEP < speed < _CREEP else speed
 
@@ -176,8 +174,8 @@ class Wheel:
         self.travel = after = travel + way
         self.speed = speed
         self.measured = floor(after) - floor(travel)
-        if self.mode is _POSITION and self._reference_speed == 0.0 and not self.reached:
-            self.reached = self._reference == self.target and abs(self.error) <= self.reached_within
+        if self.mode is _POSITION and self.reference_speed == 0.0 and not self.reached:
+            self.reached = self.reference == self.target and abs(self.error) <= self.reached_within
 
     def at_rest(self) -> bool:
         """Tell whether the wheel stands and nothing drives it."""
@@ -188,8 +186,8 @@ class Wheel:
         return not (self.set_speed if self.mode is _SPEED else self.set_duty)
 
     def _clear(self) -> None:
-        self._integral = self._last_error = 0.0
-        self._reference_speed = 0.0
+        self.integral = self.last_error = 0.0
+        self.reference_speed = 0.0
 
     def _scale(self, gain: int) -> float:
         return self.motor.gain_scale / gain if gain else 0.0
@@ -204,13 +202,13 @@ class Wheel:
 
     def _follow(self) -> float:
         """Move the profile's reference on by a period; returns how far the wheel lags behind."""
-        reference, speed = self._reference, self._reference_speed
+        reference, speed = self.reference, self.reference_speed
         way = self.target - reference
         if way != 0.0 or speed != 0.0:
             profile = self.profile
             top, acceleration = profile.speed, profile.acceleration / 256
             if acceleration == 0.0 or top == 0:
-                self._reference_speed = 0.0  # a profile without speed or acceleration goes nowhere
+                self.reference_speed = 0.0  # a profile without speed or acceleration goes nowhere
             else:
                 left = abs(way)
                 wanted = sqrt(2.0 * acceleration * left + acceleration**2 / 4) - acceleration / 2
@@ -227,7 +225,7 @@ class Wheel:
                     reference, speed = float(self.target), 0.0
                 else:
                     reference += speed
-                self._reference, self._reference_speed = reference, speed
+                self.reference, self.reference_speed = reference, speed
         lag = reference - (floor(self.travel) + self.offset)
         if not -_HALF_RANGE < lag < _HALF_RANGE:
             lag -= round(lag / 2**32) * 2**32  # wheel and reference on both sides of a wrap

@@ -37,6 +37,9 @@ class Uart:
         lost: bytes of the client that were dropped because the robot's buffer was full.
         unsent: bytes of replies that were dropped because the line had no room for them.
         faults: what goes wrong on the line.
+        each: seconds that a byte takes; 0 on a line that takes no time.
+        busy: seconds from the end of a request to its reply.
+        receiver_free, interpreter_free, sender_free: when each is done with what it has so far.
     """
 
     def __init__(
@@ -47,7 +50,7 @@ class Uart:
         self.faults = faults or Faults()
         self._faulty = bool(self.faults)
         self._client: LineFormat | None = None
-        self._receiver_free = self._interpreter_free = self._sender_free = 0.0
+        self.receiver_free = self.interpreter_free = self.sender_free = 0.0
         self._orphans = 0
         self._unheard = False
         self._splitter = dialect.splitter()
@@ -85,8 +88,8 @@ class Uart:
     def _set_rate(self, rate: int | None) -> None:
         self._baud = rate
         self._format = LineFormat(rate, stop=self.dialect.stop) if rate else None
-        self._each = self.dialect.character(rate) if rate else 0.0
-        self._busy = self.dialect.busy if rate else 0.0
+        self.each = self.dialect.character(rate) if rate else 0.0
+        self.busy = self.dialect.busy if rate else 0.0
         self._compare()
 
     @property
@@ -109,11 +112,11 @@ class Uart:
 
     def receive(self, data: bytes, now: float) -> None:
         """Put bytes of the client on the line now; they arrive one after the other."""
-        start = max(self._receiver_free, now)
+        start = max(self.receiver_free, now)
         if self._plain:
-            self._receiver_free = self._receiving.add(data, start, self._each)
+            self.receiver_free = self._receiving.add(data, start, self.each)
             return
-        items, self._receiver_free = self._pass(Direction.REQUEST, data, start)
+        items, self.receiver_free = self._pass(Direction.REQUEST, data, start)
         self._receiving.add_each(items)
 
     def requests(self, until: float) -> Iterable[Due]:
@@ -128,7 +131,7 @@ class Uart:
             if not data:
                 return ()  # a silent line, as it is most of the time
             size = self._splitter.end(data, len(data))
-            alone = self._receiving.take_whole(size, self._interpreter_free, until)
+            alone = self._receiving.take_whole(size, self.interpreter_free, until)
             if alone:
                 line = self._interpret(*alone)
                 return ((alone[0], line),) if line is not None else ()
@@ -143,7 +146,7 @@ class Uart:
     def _carried_out(self, until: float) -> Iterator[Due]:
         receiving, held = self._receiving, self._held
         while receiving.data or held:
-            free = self._interpreter_free
+            free = self.interpreter_free
             if receiving.data:
                 # what arrives while the interpreter is busy waits in the receive buffer
                 self._hold(receiving.arrived(min(until, free - GRID)))
@@ -176,7 +179,7 @@ class Uart:
         line = self._splitter.take(data)
         if line is None:
             return None
-        self._interpreter_free = start + self._busy
+        self.interpreter_free = start + self.busy
         self._unheard = orphan
         if self._faulty and self.faults.on_request(start):
             self._reset(start)
@@ -195,16 +198,16 @@ class Uart:
             return
         if self._faulty:
             data = self.faults.on_reply(executed, data)
-        self._say(data, executed + self._busy)
+        self._say(data, executed + self.busy)
 
     def send_later(self, data: bytes, executed: float, seconds: float) -> None:
         """Queue more of the latest reply, which the interpreter is busy with for so long.
 
         It comes to no other request meanwhile. On a line that takes no time this takes none.
         """
-        self._interpreter_free = executed + (on_grid(seconds) if self._baud else 0.0)
+        self.interpreter_free = executed + (on_grid(seconds) if self._baud else 0.0)
         if not self._unheard:
-            self._say(data, self._interpreter_free)
+            self._say(data, self.interpreter_free)
 
     def sent(self, now: float, limit: int | None = None) -> bytes:
         """Take the bytes, at most `limit`, that have reached the client by now."""
@@ -239,7 +242,7 @@ class Uart:
         """Return when the robot may next carry out a request or a fault happens; None: never."""
         request = None
         if self._held:
-            request = self._interpreter_free
+            request = self.interpreter_free
         elif self._receiving.data:
             data = self._receiving.data
             size = self._splitter.end(data, len(data))
@@ -251,7 +254,7 @@ class Uart:
 
     def received_by(self) -> float:
         """Return when the last byte that the client has written arrives at the robot."""
-        return self._receiver_free
+        return self.receiver_free
 
     def arriving(self) -> int:
         """Count the bytes of the client that are still on their way to the robot."""
@@ -260,7 +263,7 @@ class Uart:
     def room(self, now: float, most: int) -> int:
         """Count the bytes that may follow those that are arriving, up to a limit of these."""
         # garbled or lost bytes take their time on the line, too
-        if self._receiver_free - now > most * self._each:
+        if self.receiver_free - now > most * self.each:
             return 0
         return max(0, most - len(self._receiving.data))
 
@@ -268,6 +271,17 @@ class Uart:
     def idle(self) -> bool:
         """True if nothing is on its way in either direction; half a request may be held."""
         return not (self._receiving.data or self._held or self._sending.data)
+
+    def silent(self, now: float) -> bool:
+        """Tell whether nothing is held or on its way, and whatever follows is plain exchanges."""
+        free = max(self.receiver_free, self.interpreter_free, self.sender_free) <= now
+        empty = getattr(self._splitter, "empty", False)
+        return self._plain and free and self.idle and not self._orphans and empty
+
+    def silent_since(self, receiver: float, interpreter: float, sender: float) -> None:
+        """Take note of exchanges that are over; see the attributes of the class."""
+        self.receiver_free, self.interpreter_free, self.sender_free = receiver, interpreter, sender
+        self._unheard = False
 
     def hang_up(self) -> None:
         """Let the client leave: its requests are carried out, but nobody hears the replies."""
@@ -287,7 +301,7 @@ class Uart:
         self._splitter.clear()
         self.clear_replies()
         self.lost = self.unsent = 0
-        self._receiver_free = self._interpreter_free = self._sender_free = 0.0
+        self.receiver_free = self.interpreter_free = self.sender_free = 0.0
         self._orphans = 0
 
     def _say(self, data: bytes, start: float) -> None:
@@ -295,16 +309,16 @@ class Uart:
         if len(self._sending.data) + len(data) > self.dialect.send_limit:
             self.unsent += len(data)
             return
-        start = max(self._sender_free, start)
+        start = max(self.sender_free, start)
         if self._plain:
-            self._sender_free = self._sending.add(data, start, self._each)
+            self.sender_free = self._sending.add(data, start, self.each)
             return
-        items, self._sender_free = self._pass(Direction.REPLY, data, start)
+        items, self.sender_free = self._pass(Direction.REPLY, data, start)
         self._sending.add_each(items)
 
     def _pass(self, direction: Direction, data: bytes, start: float) -> tuple[list[Timed], float]:
         """Return what arrives of bytes and when, and when the line is free again."""
-        each = self._each
+        each = self.each
         if self._garbled:
             items, free = self._garble(direction, data, start)
         else:
@@ -342,5 +356,5 @@ class Uart:
         self._held.clear()
         self._splitter.clear()
         self._sending.keep(self.arrived(when))
-        self._interpreter_free = when + self._busy
-        self._sender_free = min(self._sender_free, when)
+        self.interpreter_free = when + self.busy
+        self.sender_free = min(self.sender_free, when)

@@ -160,6 +160,26 @@ class Serial(SerialBase):
         emulator.write(data)
         return len(data)
 
+    def watch(self, limit: int, begin: float, duration: float, patience: float = -1.0) -> Any:
+        """Ask for the proximity sensors again and again, as a client does by N, but all at once.
+
+        What comes of it is the same to the last bit.
+
+        Args:
+            limit: counts of one of the six sensors at front and sides that end it.
+            begin: time on this port's clock from which the duration counts.
+            duration: seconds after which the first reply ends it.
+            patience: 0 or more: after the duration K follows each N, until both wheels have reached
+                their targets, or so many seconds more are over.
+
+        Returns:
+            See `robot.compiled.watcher.Watched`; None if the client has to ask by itself.
+        """
+        from khepera_emulator.robot.compiled.watcher import Until
+
+        until = Until(limit, begin, duration, patience)
+        return self._open_emulator().watch(until, _WRITE_TIME)
+
     def flush(self) -> None:
         """Let time pass until everything written has arrived at the robot."""
         emulator = self._open_emulator()

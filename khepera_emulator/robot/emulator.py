@@ -22,6 +22,7 @@ from khepera_emulator.line.fault_text import MOST_FAULTS, parse_fault
 from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
 from khepera_emulator.robot.ailments import Ailments
+from khepera_emulator.robot.compiled.watcher import Until, Watched, Watcher
 from khepera_emulator.robot.fleet import Fleet
 from khepera_emulator.robot.kind import Berth, Console, kind_of
 from khepera_emulator.robot.rolling import Rolling
@@ -85,6 +86,7 @@ class Emulator:
         self._next_rate: int | None = None
         self._later: list[tuple[float, bytes]] = []
         self._refusals = 0
+        self._watcher: Watcher | None = None
         self._ailments: Ailments | None = None
         streams = _streams(setup.seed, self._number)
         # a robot keeps its wheels for life: a reset begins chance anew, not the robot
@@ -100,6 +102,11 @@ class Emulator:
     def close(self) -> None:
         """Give back the world, which is that of the whole fleet."""
         self._fleet.close()
+
+    @property
+    def fleet(self) -> Fleet:
+        """The robots that it shares its world with, itself among them."""
+        return self._fleet
 
     @property
     def robot(self) -> Any:
@@ -154,6 +161,17 @@ class Emulator:
         if self._next_rate is not None:
             self.uart.use_rate(self._next_rate)
             self._next_rate = None
+
+    def watch(self, until: Until, writing: float) -> Watched | None:
+        """Answer a client that asks for the proximity sensors again and again; see `Watcher`.
+
+        Args:
+            until: end of it.
+            writing: seconds that a client's write takes where bytes take no time.
+        """
+        if self._watcher is None:
+            self._watcher = Watcher(writing)
+        return self._watcher.watch(self._robot, self._fleet, self.uart, until)
 
     def _change_rate(self, rate: int) -> None:
         self._next_rate = rate  # the reply to the change still goes out at the rate before

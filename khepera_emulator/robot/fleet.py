@@ -58,6 +58,7 @@ class Fleet:
         world: where they are; another one after `renew`.
         radio: the air between their radio turrets.
         members: the robots, in the order in which they do what happens at the same time.
+        power_time: when control periods began to be counted.
     """
 
     def __init__(self, arena: Arena, radius: float, size: int = 1, *, rigid: bool = False) -> None:
@@ -69,7 +70,7 @@ class Fleet:
         self._shared, self._rigid = size > 1, rigid
         self.world = self._make_world()
         self._robots: list[Rolling] = []
-        self._power_time = 0.0
+        self.power_time = 0.0
         self._ticks = 0
 
     def close(self) -> None:
@@ -93,7 +94,7 @@ class Fleet:
         """
         before, self.world = self.world, self._make_world()
         before.close()
-        self._power_time = self.now
+        self.power_time = self.now
         self._ticks = 0
 
     def assemble(self) -> None:
@@ -122,6 +123,12 @@ class Fleet:
                 member.now = until
         self._drive(until)
         self.now = until
+
+    def passed(self, now: float, ticks: int) -> None:
+        """Take note of time that has passed for the only member, whose control periods are done."""
+        (member,) = self.members
+        member.now = self.now = now
+        self._ticks = ticks
 
     def gap(self, radius: float, own: Footprint | None = None) -> Gap:
         """Return distances from a robot's body to the nearest thing, as everything stands now.
@@ -180,7 +187,7 @@ class Fleet:
         return World(self._arena, shared=self._shared, rigid=self._rigid)
 
     def _drive(self, until: float) -> None:
-        due = int((until - self._power_time) / CONTROL_PERIOD + 1e-6)
+        due = int((until - self.power_time) / CONTROL_PERIOD + 1e-6)
         if due > self._ticks:
             self._ticks = due
             run_periods(self.world, self._robots, due)

@@ -36,6 +36,7 @@ def run_periods(world: World, robots: Sequence[Rolling], ticks: int) -> None:
 
 
 def _period(world: World, robots: Sequence[Rolling]) -> None:
+    world.neighbours.period += 1
     for robot in robots:
         robot.aim()
     things = world.things

@@ -41,6 +41,9 @@ class Rolling(ABC):
         ailments: faults of its own; None: there are none.
         touched: whether it has touched anything since it was put down.
         ticks: control periods since it was made.
+        dead_man: control periods without a request after which it stops by itself; None: never.
+        heard_at: control period of the last request.
+        slips: of both wheels in each period, before their spread.
         panel: state that a client can set beside the motors; made anew with every power-on.
     """
 
@@ -57,10 +60,10 @@ class Rolling(ABC):
         ailments: Ailments | None = None,
     ) -> None:
         self.ailments = ailments
-        self._dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
-        self._heard = 0
+        self.dead_man = None if dead_man is None else round(dead_man / CONTROL_PERIOD)
+        self.heard_at = 0
         self.drift = drift
-        self._slip = slip_sequence(slip)
+        self.slips = slip_sequence(slip)
         self._slip_sd, self._spot_slip_sd = drift.slip, drift.slip * _SPOT_SLIP
         self.chassis = Chassis(world, model, drift, pose)
         self.touched = False
@@ -94,13 +97,13 @@ class Rolling(ABC):
 
     def heard(self) -> None:
         """Notice a request: whoever sends them is alive."""
-        self._heard = self.ticks
+        self.heard_at = self.ticks
 
     def put_down(self, pose: Pose) -> None:
         """Move the robot somewhere else and power it on afresh."""
         self.chassis.place(pose)
         self.touched = False
-        self._heard = self.ticks
+        self.heard_at = self.ticks
         self.power_on()
 
     def run(self, ticks: int) -> None:
@@ -137,11 +140,11 @@ class Rolling(ABC):
 
     def _is_forgotten(self) -> bool:
         """Tell whether nobody has sent a request for so long that the robot stops by itself."""
-        return self._dead_man is not None and self.ticks - self._heard >= self._dead_man
+        return self.dead_man is not None and self.ticks - self.heard_at >= self.dead_man
 
     def _draw_slip(self, on_the_spot: bool) -> Pair:
         """Draw the relative errors of the wheels' ways over ground in a period."""
         sd = self._spot_slip_sd if on_the_spot else self._slip_sd
-        left, right = next(self._slip)
+        left, right = next(self.slips)
         slip = sd * left, sd * right
         return slip if self.ailments is None else self.ailments.slip(self.time, slip)

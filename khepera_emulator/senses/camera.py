@@ -37,6 +37,9 @@ class OmniCamera:
         noise: standard deviation in grey levels.
         carrier: the robot's body, which its camera does not see; others see it.
         renderer: what draws; none: the emulator's own.
+
+    Attributes:
+        rng: source of its noise.
     """
 
     def __init__(
@@ -54,7 +57,7 @@ class OmniCamera:
         self._mirror_map = self._look_up(*_mirror_rays(mirror))
         self._panorama_map = self._look_up(*_panorama_rays(mirror))
         self._inside = _inside(mirror)
-        self._rng = rng
+        self.rng = rng
         self._noise = _noise_pool(noise) if noise > 0.0 else None
 
     def mirror_image(self, pose: Pose) -> Image:
@@ -83,7 +86,7 @@ class OmniCamera:
     def _grain(self, image: Image) -> Image:
         if self._noise is None:
             return image
-        start = int(self._rng.integers(len(self._noise) - image.size))
+        start = int(self.rng.integers(len(self._noise) - image.size))
         grain = self._noise[start : start + image.size].reshape(image.shape)
         return np.asarray(cv2.add(image, grain, dtype=cv2.CV_8U), dtype=np.uint8)
 

@@ -11,13 +11,14 @@ the wall. A sensor that looks aside of where it sits is then farther from the wa
 by up to 1 mm: that much is taken off its gap.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import atan2, cos, hypot, inf, pi, sin
 from typing import NamedTuple
 
 import numpy as np
 
 from khepera_emulator.arenas.arena import Lamp
+from khepera_emulator.body.drawn import Drawn
 from khepera_emulator.models import Model, ProximityCurve
 from khepera_emulator.world.floor_plan import Scene
 from khepera_emulator.world.rays import Array
@@ -91,29 +92,29 @@ class Infrared:
         self._scene = scene
         self._lamps = lamps
         self._ambient_rng, scans = rng.spawn(2)
-        self._noise = _noise_sequence(scans)
-        self._sensors = sensor_ring(model)
-        self._reach = model.proximity.gaps[-1] + _ROUNDING
+        self.noise = _noise_sequence(scans)
+        self.sensors = sensor_ring(model)
+        self.reach = model.proximity.gaps[-1] + _ROUNDING
         # the body's middle is no further than this from what a sensor can see
-        self._sight = model.radius + self._reach - min(each.rays[0][2] for each in self._sensors)
-        self._top = model.full_scale
-        self._step = model.proximity.step
-        self._spread = model.proximity.noise
+        self.sight = model.radius + self.reach - min(each.rays[0][2] for each in self.sensors)
+        self.top = model.full_scale
+        self.step = model.proximity.step
+        self.spread = model.proximity.noise
         # without an object nothing is left of the light, and readings need no steps
-        self._residual = tuple(map(float, model.proximity.residual))
-        self._silent = not any(model.proximity.residual) and model.proximity.step == 1
+        self.residual = tuple(map(float, model.proximity.residual))
+        self.silent = not any(model.proximity.residual) and model.proximity.step == 1
 
     def proximity(self, x: float, y: float, heading: float) -> tuple[int, ...]:
         """Scan at a place (metres) and heading (radians): eight counts."""
-        normal, uniform = next(self._noise)
+        normal, uniform = next(self.noise)
         gaps = self.gaps(x, y, heading)
-        if gaps is _FAR and self._silent:
+        if gaps is _FAR and self.silent:
             return tuple([int(_NOISE_SPAN * u - _NOISE_DEPTH) if u > _HALF else 0 for u in uniform])
-        fixed, relative = self._spread
-        step, top = self._step, self._top
+        fixed, relative = self.spread
+        step, top = self.step, self.top
         counts = []
         for sensor, gap in enumerate(gaps):
-            value = self.response(sensor, gap) if gap is not inf else self._residual[sensor]
+            value = self.response(sensor, gap) if gap is not inf else self.residual[sensor]
             if value > 0.0:
                 value += normal[sensor] * (fixed + relative * value)
             else:
@@ -130,9 +131,9 @@ class Infrared:
 
         Closer than the recorded saturation it goes on rising; beyond the record: the residual.
         """
-        if gap > self._reach:
-            return self._residual[sensor]
-        curve = self._sensors[sensor].curve
+        if gap > self.reach:
+            return self.residual[sensor]
+        curve = self.sensors[sensor].curve
         place = max(gap, 0.0) / _TABLE_STEP
         index = min(int(place), len(curve) - 2)
         low = curve[index]
@@ -148,7 +149,7 @@ class Infrared:
 
     def gaps(self, x: float, y: float, heading: float) -> tuple[float, ...]:
         """Return the effective gap of each sensor in metres; infinite beyond its reach."""
-        around = self._scene.near(x, y, self._sight)
+        around = self._scene.near(x, y, self.sight)
         if not around:
             return _FAR
         c, s = cos(heading), sin(heading)
@@ -156,14 +157,14 @@ class Infrared:
         for solid in around:
             gap, nx, ny = solid.toward(x, y)
             walls.append((gap, c * nx + s * ny, c * ny - s * nx, solid))
-        return tuple([self._gap(sensor, walls, x, y, c, s) for sensor in self._sensors])
+        return tuple([self._gap(sensor, walls, x, y, c, s) for sensor in self.sensors])
 
     def _gap(
         self, sensor: Sensor, walls: list[_Wall], x: float, y: float, c: float, s: float
     ) -> float:
         """Return the gap of one sensor; `c` and `s` are cosine and sine of the robot's heading."""
         (foot_ahead, foot_left), rays, _ = sensor
-        reach = self._reach
+        reach = self.reach
         best = reach
         for ahead, left, penalty in rays:
             # what lies further than this is beyond the reach, or a worse gap than one found already
@@ -191,7 +192,7 @@ class Infrared:
         effect = np.zeros(8)
         c, s = cos(heading), sin(heading)
         for i, direction in enumerate(self._model.sensor_directions):
-            fx, fy = self._sensors[i].foot
+            fx, fy = self.sensors[i].foot
             eye = np.array([x + c * fx - s * fy, y + s * fx + c * fy])
             dx, dy = lamp.centre[0] - eye[0], lamp.centre[1] - eye[1]
             distance = max(hypot(dx, dy), 1e-6)
@@ -209,20 +210,18 @@ class Infrared:
         return effect
 
     def _quantise(self, values: Array) -> tuple[int, ...]:
-        step, top = self._step, self._top
+        step, top = self.step, self.top
         return tuple(min(max(int(value), 0), top) // step * step for value in values.tolist())
 
 
-def _noise_sequence(
-    rng: np.random.Generator, block: int = 64
-) -> Iterator[tuple[list[float], list[float]]]:
-    """For each scan eight standard normal numbers, and eight from 0 to 1.
+def _noise_sequence(rng: np.random.Generator, block: int = 64) -> Drawn:
+    """Return endless rows, one for each scan: eight normal numbers, and eight from 0 to 1."""
 
-    They are drawn in blocks because single draws are slow.
-    """
-    while True:
+    def draw() -> Array:
         normal, uniform = rng.standard_normal((block, 8)), rng.random((block, 8))
-        yield from zip(normal.tolist(), uniform.tolist(), strict=True)
+        return np.stack([normal, uniform], axis=1)
+
+    return Drawn(draw)
 
 
 def sensor_ring(model: Model) -> tuple[Sensor, ...]:

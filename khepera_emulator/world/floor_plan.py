@@ -4,7 +4,7 @@ Walls and posts are upright, so that at the height of a robot everything is plan
 is the fast path for sensors and free space; the tests hold it against PyBullet's own rays.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import floor
 from typing import Protocol
 
@@ -45,14 +45,15 @@ class FloorPlan:
     Attributes:
         boxes: the stretches of all walls.
         posts: centre and radius of each post, in metres.
+        discs: the same posts as solids.
     """
 
     def __init__(self, arena: Arena) -> None:
         self.boxes = [box for wall in arena.wall for box in wall_boxes(wall)]
         self.posts = [(*post.centre, post.radius) for post in arena.cylinder]
         shades = [sum(post.colour) / 3 for post in arena.cylinder]
-        discs = [Disc(*post, grey) for post, grey in zip(self.posts, shades, strict=True)]
-        self._solids: tuple[Solid, ...] = (*self.boxes, *discs)
+        self.discs = [Disc(*post, grey) for post, grey in zip(self.posts, shades, strict=True)]
+        self._solids: tuple[Solid, ...] = (*self.boxes, *self.discs)
         self._squares: dict[tuple[int, int], tuple[Solid, ...]] = {}
         along = np.array([(b.ux, b.uy) for b in self.boxes]).reshape(-1, 2)
         across = along[:, ::-1] * (-1.0, 1.0)
@@ -126,6 +127,10 @@ class FloorPlan:
         return found
 
 
+Around = Callable[[float, float], Iterable[Footprint]]
+"""Tells what of all that moves may be near a point, in metres."""
+
+
 class Surroundings:
     """A scene of a floor plan and of what moves in it.
 
@@ -133,14 +138,20 @@ class Surroundings:
         plan: what stands still.
         movers: what moves; the sequence may grow, and its members move, after this is made.
         own: the one among the movers that looks, which does not see itself.
+        around: tells which movers can be within `NEAR` of a point; None: all.
     """
 
     def __init__(
-        self, plan: FloorPlan, movers: Sequence[Footprint], own: Footprint | None = None
+        self,
+        plan: FloorPlan,
+        movers: Sequence[Footprint],
+        own: Footprint | None = None,
+        around: Around | None = None,
     ) -> None:
         self._plan = plan
         self._movers = movers
         self._own = own
+        self._around = around or (lambda _x, _y: movers)
 
     def others(self) -> list[Footprint]:
         """Return all that moves, but for the one that looks."""
@@ -153,9 +164,13 @@ class Surroundings:
 
     def near(self, x: float, y: float, reach: float) -> list[Solid]:
         """Return the solids no further than a reach, up to `NEAR` metres, from a point."""
-        own = self._own
-        movers = [each for each in self._movers if each is not own and each.gap(x, y) <= reach]
+        movers = [each for each in self.around(x, y) if each.gap(x, y) <= reach]
         return [*self._plan.near(x, y, reach), *movers]
+
+    def around(self, x: float, y: float) -> list[Footprint]:
+        """Return all others that can be within `NEAR` of a point."""
+        own = self._own
+        return [mover for mover in self._around(x, y) if mover is not own]
 
     def cast(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         """Follow rays to the first solid; see `FloorPlan.cast`."""

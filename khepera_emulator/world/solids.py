@@ -41,10 +41,16 @@ class Footprint(Solid, Protocol):
     """Something that may stand elsewhere in the next moment.
 
     Attributes:
+        x, y: its middle, in metres.
         reach: metres that it may move in the next control period.
     """
 
+    x: float
+    y: float
     reach: float
+
+    def corners(self) -> list[Point]:
+        """Return corners around it, in metres."""
 
     def hit(self, origins: Array, directions: Array) -> Array:
         """Return metres that each of N rays goes to reach it, infinite if it misses."""

@@ -10,6 +10,7 @@ from khepera_emulator.arenas.arena import Arena
 from khepera_emulator.world.bullet import load_physics
 from khepera_emulator.world.floor_plan import FloorPlan, Scene, Surroundings
 from khepera_emulator.world.looks import Look, thing_look
+from khepera_emulator.world.neighbours import Neighbours
 from khepera_emulator.world.solids import Footprint
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class World:
         things: what robots can push.
         movers: footprints of the things, and of all robots of a shared world.
         robots: the robots of a shared world.
-        arrangement: another number whenever something was put elsewhere from outside.
+        neighbours: the movers, by where they are.
 
     Raises:
         EmulatorError: it needs PyBullet, which is not installed or has no room.
@@ -59,7 +60,18 @@ class World:
         self.things: list[Thing] = [] if self.dynamics is None else self.dynamics.things
         self.movers: list[Footprint] = [thing.footprint for thing in self.things]
         self.robots: list[Shown] = []
-        self.arrangement = 0
+        self.neighbours = Neighbours(self.movers)
+        self._arrangement = 0
+
+    @property
+    def arrangement(self) -> int:
+        """Another number whenever something was put elsewhere from outside."""
+        return self._arrangement
+
+    @arrangement.setter
+    def arrangement(self, number: int) -> None:
+        self._arrangement = number
+        self.neighbours.forget()
 
     def close(self) -> None:
         """End the dynamics."""
@@ -92,7 +104,7 @@ class World:
         """Return what there is to see and to touch, but for one's own body."""
         if not (self.shared or self.things):
             return self.plan
-        return Surroundings(self.plan, self.movers, own)
+        return Surroundings(self.plan, self.movers, own, self.neighbours.around)
 
     def looks(self, own: Shown | None = None) -> list[Look]:
         """Return what all that moves looks like, where it is, but for one's own body."""

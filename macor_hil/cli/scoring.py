@@ -145,7 +145,7 @@ def trials(options: TrialOptions, scored: ScoredPlanners) -> None:
                 raise MacorError(f"trials need an emulated robot, which {options.port} is not")
             possible_from = judge(bench)
             drive = DriveSettings(speed=options.speed)
-            driver = Driver(hardware.robot, drive, interruption.check)
+            driver = Driver(hardware.robot, drive, interruption.check, patient=True)
             agent = Agent(brain, driver, hardware.camera)
             for name in names:
                 of_planner = results.setdefault(name, [])

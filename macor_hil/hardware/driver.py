@@ -21,7 +21,14 @@ from macor_hil.commands import LONGEST_WAY as LONGEST_WAY
 from macor_hil.commands import MotorCommand
 from macor_hil.errors import RobotResetError, StrayedError
 from macor_hil.hardware.odometry import Wheels
-from macor_hil.hardware.robots.robot import Robot, WheelStatus
+from macor_hil.hardware.robots.robot import (
+    FRONT_SENSORS,
+    Followed,
+    Look,
+    Robot,
+    WheelStatus,
+    looked,
+)
 from macor_hil.hardware.standstill import standing_on_failure
 
 
@@ -60,9 +67,6 @@ class Outcome:
     counters: tuple[int, int]
 
 
-FRONT_SENSORS = slice(0, 6)
-"""Infrared sensors that face where the robot can drive to: all but the two at the back."""
-
 Guard = Callable[[], None]
 """Asked again and again while the robot drives; raises when it must not go on."""
 
@@ -89,9 +93,46 @@ LEASH = 0.15
 _SLACK_LEASH = 0.8
 """Share of the leash at which the target moves on."""
 
+_NEVER = 1 << 30
+"""More than any sensor reads."""
+
 _TRAIL = 64
 _SLACK = 40
 """Counts that a wheel may be beside its way: 3 mm."""
+
+
+def profiles_of(
+    settings: DriveSettings, ways: tuple[float, float]
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return speed and acceleration of both wheels that let them arrive together; units of J."""
+    longest = _longest(ways)
+    left, right = (
+        (
+            max(1, round(settings.speed * abs(way) / longest)),
+            max(1, round(settings.acceleration * abs(way) / longest)),
+        )
+        for way in ways
+    )
+    return left, right
+
+
+def duration_of(settings: DriveSettings, counts: float, leash: float = inf) -> float:
+    """Return the seconds that the profile needs for some counts, with a target so far ahead."""
+    way = counts * PULSE
+    acceleration = settings.acceleration * ACCELERATION_UNIT
+    # half a leash is left at times, from which the robot must be able to brake
+    top = min(settings.speed * SPEED_UNIT, sqrt(acceleration * leash * PULSE))
+    if way < top**2 / acceleration:
+        return 2 * sqrt(way / acceleration)
+    return way / top + top / acceleration
+
+
+def _longest(ways: tuple[float, float]) -> float:
+    return max(abs(ways[0]), abs(ways[1]), 1.0)
+
+
+def _nothing() -> None:
+    """Let it drive."""
 
 
 def is_touching(proximity: tuple[int, ...], settings: DriveSettings) -> bool:
@@ -105,7 +146,9 @@ class Driver:
     Args:
         robot: the robot.
         settings: how it is driven.
-        guard: what must hold while it drives.
+        guard: what must hold while it drives; None: nothing.
+        patient: whether the guard need not be asked between any two looks at a robot in this
+            process, which drives a command in a millisecond.
 
     Attributes:
         settings: how it is driven.
@@ -115,12 +158,16 @@ class Driver:
         self,
         robot: Robot,
         settings: DriveSettings = DriveSettings(),
-        guard: Guard = lambda: None,
+        guard: Guard | None = None,
+        *,
+        patient: bool = False,
     ) -> None:
         # no faster than the robot can: times are reckoned with it
         self.settings = replace(settings, speed=min(settings.speed, robot.top_speed))
         self._robot = robot
-        self._guard = guard
+        self._guard = guard or _nothing
+        alone = patient or guard is None
+        self._followed = robot if alone and isinstance(robot, Followed) else None
         self._target = (0, 0)
         self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
 
@@ -161,7 +208,7 @@ class Driver:
             end = self._robot.clock() + seconds
             while True:
                 self._guard()
-                proximity = self._robot.proximity()
+                proximity = self._watch(end)
                 collided = is_touching(proximity, self.settings)
                 if collided or self._robot.clock() >= end:
                     break
@@ -237,42 +284,46 @@ class Driver:
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
     ) -> tuple[tuple[int, ...], bool]:
         settings, robot = self.settings, self._robot
-        longest = max(abs(ways[0]), abs(ways[1]), 1.0)
-        profiles = [
-            (
-                max(1, round(settings.speed * abs(way) / longest)),
-                max(1, round(settings.acceleration * abs(way) / longest)),
-            )
-            for way in ways
-        ]
-        robot.set_profile(profiles[0], profiles[1])
+        robot.set_profile(*profiles_of(settings, ways))
         robot.go_to(*target)
         start = robot.clock()
-        duration = self._duration(longest)
+        duration = duration_of(settings, _longest(ways))
+        limit = settings.collision if watch else _NEVER
         while True:
             self._guard()
-            proximity = robot.proximity()
+            proximity, elapsed, wheels = self._follow(limit, start, duration)
             if watch and is_touching(proximity, settings):
                 return proximity, True
-            elapsed = robot.clock() - start
-            if elapsed < duration:
+            if wheels is None:
                 continue
-            left, right = robot.status()
+            left, right = wheels
             if left.reached and right.reached:
                 return proximity, False
             self._check_remembered(left, right)
             if elapsed > duration + settings.patience:
                 return proximity, True
 
+    def _watch(self, end: float) -> tuple[int, ...]:
+        """Look at the sensors, of a robot in this process until a collision or a time."""
+        if self._followed is not None:
+            return self._followed.watch(self.settings.collision, 0.0, end)
+        return self._robot.proximity()
+
+    def _follow(self, limit: int, begin: float, seconds: float) -> Look:
+        """Look at a robot that has set out to a target; see `Followed`."""
+        if self._followed is not None:
+            return self._followed.follow(limit, begin, seconds, self.settings.patience)
+        return looked(self._robot, limit, begin, seconds)
+
     def _go_on_a_leash(
         self, begin: _Counts, ways: tuple[float, float]
     ) -> tuple[tuple[int, ...], bool]:
         settings, robot = self.settings, self._robot
-        longest = max(abs(ways[0]), abs(ways[1]), 1.0)
+        longest = _longest(ways)
         leash = LEASH / min(settings.wheels.left, settings.wheels.right)
         profile = settings.speed, settings.acceleration
         robot.set_profile(profile, profile)
-        end = robot.clock() + self._duration(longest, leash) + settings.patience
+        end = robot.clock() + duration_of(settings, longest, leash) + settings.patience
         ahead = 0.0
         left = right = WheelStatus(reached=False, speed_mode=False, error=0)
         while not (ahead == longest and left.reached and right.reached):
@@ -305,14 +356,3 @@ class Driver:
                     f"sent from {begin} to {self._target} and got to {counters}: the request did"
                     " not arrive as it was sent, or the robot was reset"
                 )
-
-    def _duration(self, counts: float, leash: float = inf) -> float:
-        """Return the seconds that the profile needs for some counts, with a target so far ahead."""
-        settings = self.settings
-        way = counts * PULSE
-        acceleration = settings.acceleration * ACCELERATION_UNIT
-        # half a leash is left at times, from which the robot must be able to brake
-        top = min(settings.speed * SPEED_UNIT, sqrt(acceleration * leash * PULSE))
-        if way < top**2 / acceleration:
-            return 2 * sqrt(way / acceleration)
-        return way / top + top / acceleration

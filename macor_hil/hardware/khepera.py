@@ -17,7 +17,7 @@ from khepera_protocol.serial.messages import Reply, build_request
 from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
 from macor_hil.hardware.line.line_statistics import Meter
 from macor_hil.hardware.line.serial_line import LONGEST_REPLY, Line, open_port
-from macor_hil.hardware.robots.robot import WheelStatus
+from macor_hil.hardware.robots.robot import FRONT_SENSORS, Look, WheelStatus, looked
 from macor_hil.safety.interruption import undisturbed
 
 __all__ = ["LONGEST_REPLY", "Khepera", "WheelStatus", "open_port"]
@@ -174,6 +174,7 @@ class Khepera:
         """Drive on a line, and answer for it that the robot stands at its end."""
         self._line = line
         self.clock = line.clock
+        self._watch: Callable[..., Any] | None = getattr(line.port, "watch", None)
         self._end = weakref.finalize(self, _leave, line, os.getpid())
 
     def _revive(self) -> bool:
@@ -252,6 +253,35 @@ class Khepera:
     def proximity(self) -> tuple[int, ...]:
         """Return the eight proximity sensors, 0 far to 1023 near."""
         return self.request("N").values
+
+    def watch(self, limit: int, begin: float, seconds: float) -> tuple[int, ...]:
+        """Return the proximity sensors; see `Followed`. Elsewhere than in this process: at once."""
+        found = self._watched(limit, begin, seconds, -1.0)
+        if found is None:
+            return self.proximity()
+        counts: tuple[int, ...] = found.counts
+        return counts
+
+    def follow(self, limit: int, begin: float, seconds: float, patience: float) -> Look:
+        """Look at a robot on its way; see `Followed`. Elsewhere than in this process: once."""
+        found = self._watched(limit, begin, seconds, patience)
+        if found is None:
+            return looked(self, limit, begin, seconds)
+        if found.told is None:
+            seen = max(found.counts[FRONT_SENSORS]) >= limit or found.elapsed < seconds
+            return Look(found.counts, found.elapsed, None if seen else self.status())
+        left, right = (WheelStatus(reached, False, error) for reached, error in found.told)
+        return Look(found.counts, found.elapsed, (left, right))
+
+    def _watched(self, limit: int, begin: float, seconds: float, patience: float) -> Any:
+        """Return what a port in this process finds by asking itself; None: it does not."""
+        if self._watch is None:
+            return None
+        start = self.clock()
+        found = self._watch(limit, begin, seconds, patience)
+        if found is not None:
+            self.meter.watched(found.exchanges, self.clock() - start, found.longest)
+        return found
 
     def battery(self) -> int:
         """Return half of the battery's voltage, in counts of 4 mV."""

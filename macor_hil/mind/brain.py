@@ -37,6 +37,7 @@ class Brain:
     memories: Mapping[str, Memory]
     reinforcement: Reinforcement = field(default_factory=Reinforcement)
     settings: MindSettings | None = None
+    _known: tuple[Eyes, FloorSeeing | None] | None = field(default=None, init=False, repr=False)
 
     @property
     def transitions(self) -> int:
@@ -59,9 +60,10 @@ class Brain:
         x = self.eyes.tuned(raw)
         resonance = self.clusterer.present(x, learn=learn)
         neuron = resonance.node * len(COMMANDS) + command
-        if not isinstance(self.eyes, FloorSeeing):
+        eyes = self._floor_seeing()
+        if eyes is None:
             return Moment(raw, x, resonance, neuron)
-        return Moment(raw, x, resonance, neuron, self.eyes.floor(raw), self.eyes.sights(raw))
+        return Moment(raw, x, resonance, neuron, eyes.floor(raw), eyes.sights(raw))
 
     def earned(self, command: int, *, collided: bool) -> float:
         """Return what a driven command earns."""
@@ -89,6 +91,12 @@ class Brain:
                     r = self.earned(command, collided=seen.collided)
                 self.learn(Experience(before, command, after, r, seen.collided))
             before = after
+
+    def _floor_seeing(self) -> FloorSeeing | None:
+        """Return the eyes if they see the floor, which takes long to find out."""
+        if self._known is None or self._known[0] is not self.eyes:
+            self._known = self.eyes, self.eyes if isinstance(self.eyes, FloorSeeing) else None
+        return self._known[1]
 
     def tune(self, seen: Array, rng: np.random.Generator) -> None:
         """Fit eyes and memories to a first drive.

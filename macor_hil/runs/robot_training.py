@@ -40,7 +40,9 @@ def train_on(
     drive = DriveSettings(wheels=options.measured().wheels, speed=options.speed)
     eyes = CheckedCamera(hardware.camera, limits_for(settings.mirror))
     if options.schedule.recovery is Recovery.RESET:
-        return train_map(*place, (Driver(robot, drive, check), eyes, hardware.bench), progress)
+        return train_map(
+            *place, (Driver(robot, drive, check, patient=True), eyes, hardware.bench), progress
+        )
     with CameraWatch(eyes) as watch:
         driver = Driver(robot, drive, all_of(check, watch.guard))
         rescue = TrainingRecovery(robot, eyes, ask)

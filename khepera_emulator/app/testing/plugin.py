@@ -95,9 +95,12 @@ def pytest_runtest_makereport(
     report = yield
     if report.failed and _ROBOT in item.stash:
         section = _section(item.stash[_ROBOT])
-        # JUnit's XML shows what has been added to the traceback; a sentence takes nothing
-        add = getattr(report.longrepr, "addsection", lambda *_: report.sections.append(section))
-        add(*section)
+        # JUnit's XML shows sections of a failure's text, and no others
+        add = getattr(report.longrepr, "addsection", None)
+        if add is not None:
+            add(*section)
+        else:
+            report.sections.append(section)
     return report
 
 

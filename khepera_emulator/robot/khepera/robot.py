@@ -17,7 +17,9 @@ from khepera_emulator.turrets.rack import Fittings, mount
 from khepera_emulator.turrets.turret import Site
 from khepera_emulator.world.world import World
 
-_SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
+SCAN_TICKS = round(SCAN_PERIOD / CONTROL_PERIOD)
+"""Control periods from one scan of the sensors to the next."""
+
 _BATTERY_COUNTS = 600
 """Channel 0: half of 4.8 V, as 2.4 V. Nothing documents channels 0 to 2 (a choice)."""
 
@@ -76,7 +78,7 @@ class Robot(Rolling):
         self.model = model
         self.equipment = equipment or Equipment()
         self.infrared = Infrared(model, self.chassis.scene, world.arena.lamp, sensors)
-        self._scans: dict[str, tuple[int, ...]] = {}
+        self.scans: dict[str, tuple[int, ...]] = {}
         self._start_scan()
         self._free = self._counts = (0.0, 0.0)
         self.turrets = mount(self.equipment.turrets, self._fittings(world), turrets)
@@ -108,7 +110,7 @@ class Robot(Rolling):
         """Let control periods pass in which nothing moves; see `run`."""
         # nothing moves, whatever the time: only the latest of the scans counts
         self.chassis.ground_speed = (0.0, 0.0)
-        if ticks // _SCAN_TICKS > self.ticks // _SCAN_TICKS:
+        if ticks // SCAN_TICKS > self.ticks // SCAN_TICKS:
             self._start_scan()
         self.ticks = ticks
         if self._carries:
@@ -125,7 +127,7 @@ class Robot(Rolling):
         left.roll(turned, self._free[0] if abs(turned - wanted_left) <= _HELD else turned)
         turned = ways[1] / PULSE
         right.roll(turned, self._free[1] if abs(turned - wanted_right) <= _HELD else turned)
-        if self.ticks % _SCAN_TICKS == 0:
+        if self.ticks % SCAN_TICKS == 0:
             self._start_scan()
         if self._carries:
             self.turrets.step(self.time)
@@ -133,21 +135,21 @@ class Robot(Rolling):
     def proximity(self) -> tuple[int, ...]:
         """Return the latest proximity scan: eight counts."""
         # computed when first asked for: most scans are never read
-        if "proximity" not in self._scans:
-            counts = self.infrared.proximity(*self._scan_pose)
+        if "proximity" not in self.scans:
+            counts = self.infrared.proximity(*self.scan_pose)
             if self.ailments is not None:
                 counts = self.ailments.proximity(self.time, counts)
-            self._scans["proximity"] = counts
-        return self._scans["proximity"]
+            self.scans["proximity"] = counts
+        return self.scans["proximity"]
 
     def ambient(self) -> tuple[int, ...]:
         """Return the latest ambient light scan: eight counts."""
-        if "ambient" not in self._scans:
-            counts = self.infrared.ambient(*self._scan_pose)
+        if "ambient" not in self.scans:
+            counts = self.infrared.ambient(*self.scan_pose)
             if self.ailments is not None:
                 counts = self.ailments.ambient(self.time, counts, self.model.dark)
-            self._scans["ambient"] = counts
-        return self._scans["ambient"]
+            self.scans["ambient"] = counts
+        return self.scans["ambient"]
 
     def analogue(self, channel: int) -> int:
         """Return the counts at an A/D input; the first one is the battery's."""
@@ -158,8 +160,8 @@ class Robot(Rolling):
 
     def _start_scan(self) -> None:
         chassis = self.chassis
-        self._scan_pose = chassis.x, chassis.y, chassis.heading
-        self._scans.clear()
+        self.scan_pose = chassis.x, chassis.y, chassis.heading
+        self.scans.clear()
 
     def _fittings(self, world: World) -> Fittings:
         equipment = self.equipment

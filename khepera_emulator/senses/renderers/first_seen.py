@@ -1,13 +1,17 @@
 """Faces that rays from one point meet first, and the light that these get."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from khepera_protocol.compiled import load
 from numpy.typing import NDArray
 
 from khepera_emulator.world.rays import Array
 from khepera_emulator.world.solids import Box
+
+COMPILED: Final = "khepera_emulator.senses.renderers.columns"
+"""Module of the compiled form."""
 
 _NEVER = 1e-200
 
@@ -51,24 +55,38 @@ class FirstSeen:
         self._posts = np.array(posts, dtype=float).reshape(-1, 3)
         self._sun = sun
 
-    def look(self, x: float, y: float, rays: Array) -> Seen:
-        """Follow rays, unit vectors of shape (2, N), from a point in metres."""
+    def look(self, x: float, y: float, rays: Array, *, compiled: bool = False) -> Seen:
+        """Follow rays.
+
+        Args:
+            x: of the point that they come from, in metres.
+            y: likewise.
+            rays: unit vectors, shape (2, N).
+            compiled: whether to do it in the compiled form.
+        """
         count = rays.shape[1]
         every = np.arange(count)
         seen = Seen(np.full(count, np.inf), np.zeros(count, np.intp), np.zeros(count))
         if self._boxes:
-            seen = self._look_at_boxes(x, y, rays, every)
+            seen = self._look_at_boxes(x, y, rays, every, compiled)
         if len(self._posts):
             other = self._look_at_posts(x, y, rays, every)
             nearer = other.distances < seen.distances
             seen = Seen(*(np.where(nearer, b, a) for a, b in zip(seen, other, strict=True)))
         return seen
 
-    def _look_at_boxes(self, x: float, y: float, rays: Array, every: NDArray[np.intp]) -> Seen:
+    def _look_at_boxes(
+        self, x: float, y: float, rays: Array, every: NDArray[np.intp], compiled: bool
+    ) -> Seen:
         n = self._boxes
+        along, origins = self._axes @ rays, self._axes @ np.array([[x], [y]])
+        if compiled:
+            look = load(COMPILED).look_at_boxes
+            flat = (each[:, 0] for each in (origins, self._offsets, self._halves))
+            return Seen(*look(along, *flat, self._sunny))
         # a ray along a face never crosses it
-        inverse = 1.0 / (self._axes @ rays + _NEVER)
-        middle = (self._offsets - self._axes @ np.array([[x], [y]])) * inverse
+        inverse = 1.0 / (along + _NEVER)
+        middle = (self._offsets - origins) * inverse
         half = self._halves * np.abs(inverse)
         near, far = middle - half, middle + half
         enter = np.maximum(near[:n], near[n:])

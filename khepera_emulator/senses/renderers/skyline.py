@@ -7,15 +7,16 @@ that; what stands or hangs in front of it, `foreground` paints.
 """
 
 from math import hypot, pi
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
+from khepera_protocol.compiled import PlainRuns, load
 from khepera_protocol.zenoh.payloads import Pose
 from numpy.typing import NDArray
 
 from khepera_emulator.arenas.arena import Arena
-from khepera_emulator.senses.renderers.first_seen import FirstSeen
+from khepera_emulator.senses.renderers.first_seen import COMPILED, FirstSeen
 from khepera_emulator.senses.renderers.view import (
     AMBIENT,
     DIFFUSE,
@@ -27,6 +28,8 @@ from khepera_emulator.senses.renderers.view import (
 )
 from khepera_emulator.world.floor_plan import FloorPlan
 from khepera_emulator.world.rays import Array
+
+_RUNS: Final = PlainRuns(1_000)
 
 _COLUMNS = 256
 """Columns of the atlas, all around: 1.4 degrees each."""
@@ -98,11 +101,20 @@ class Skyline:
         """Return the atlas: from behind over left, ahead and right to behind again."""
         azimuth = self._bearings + pose.heading
         rays = np.stack([np.cos(azimuth), np.sin(azimuth)])
-        distances, solids, lit = self._solids.look(pose.x, pose.y, rays)
+        compiled = _RUNS.are_enough()
+        distances, solids, lit = self._solids.look(pose.x, pose.y, rays, compiled=compiled)
         shade = (AMBIENT + DIFFUSE * lit).astype(np.float32)
         colours = np.floor(self._colours[solids] * shade[:, None])
         # rows of the solid's upper edge and of its foot, with their fractions
         top, foot = self.row(self._rise, distances), self.row(self._fall, distances)
+        if compiled:
+            picture = np.empty((ROWS, _COLUMNS, 3), np.uint8)
+            load(COMPILED).paint(picture, top, foot, colours, self._floor, self._sky)
+        else:
+            picture = self._painted(top, foot, colours)
+        return View(picture, rays, distances, top)
+
+    def _painted(self, top: Array, foot: Array, colours: NDArray[np.float32]) -> Image:
         picture = np.where(
             self._middles > foot,
             self._packed_floor,
@@ -114,7 +126,7 @@ class Skyline:
             wall, floor = (np.clip(row + 1 - each, 0.0, 1.0)[:, None] for each in (top, foot))
             mixed = self._sky + wall * (colours - self._sky) + floor * (self._floor - colours)
             picture[row, _EVERY] = mixed
-        return View(np.asarray(picture, dtype=np.uint8), rays, distances, top)
+        return np.asarray(picture, dtype=np.uint8)
 
     def row(self, height: float | Array, distances: Array) -> Array:
         """Return the row, with its fraction, of what is so high above the eye and so far away."""

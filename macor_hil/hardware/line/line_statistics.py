@@ -71,6 +71,13 @@ class Meter:
         if seconds > self._worst:
             self._worst = seconds
 
+    def watched(self, requests: int, seconds: float, longest: float) -> None:
+        """Count requests that were answered one after the other, in so many seconds in all."""
+        self.exchanges += requests
+        self._recent += requests
+        self._sum += seconds
+        self._worst = max(self._worst, longest)
+
     def failed(self) -> None:
         """Count a request that was not answered, or not as a Khepera does."""
         self.failures += 1

@@ -7,7 +7,7 @@ from 0 far to 1023 near, from the left over the front to the back, as a Khepera 
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from macor_hil.hardware.line.line_statistics import Meter
 
@@ -33,6 +33,24 @@ class WheelStatus:
     reached: bool
     speed_mode: bool
     error: int
+
+
+FRONT_SENSORS: Final = slice(0, 6)
+"""Infrared sensors that face where a robot can drive to: all but the two at the back."""
+
+
+class Look(NamedTuple):
+    """A look at a robot on its way.
+
+    Attributes:
+        proximity: the eight infrared sensors.
+        elapsed: seconds since it set out, when they were read.
+        wheels: left and right; None: they were not looked at.
+    """
+
+    proximity: tuple[int, ...]
+    elapsed: float
+    wheels: tuple[WheelStatus, WheelStatus] | None
 
 
 class Robot(Protocol):
@@ -113,3 +131,47 @@ class Robot(Protocol):
     def battery(self) -> int | None:
         """Return half of the battery's voltage, in counts of 4 mV; None where it is not told so."""
         ...
+
+
+@runtime_checkable
+class Followed(Protocol):
+    """A robot that may be in this process, where many looks are taken at once.
+
+    Nobody could do anything between two of them, as time passes by looking alone.
+    """
+
+    def watch(self, limit: int, begin: float, seconds: float) -> tuple[int, ...]:
+        """Return the sensors when one at the front reads so much, or a time has passed.
+
+        Args:
+            limit: counts.
+            begin: on its clock.
+            seconds: after that.
+        """
+        ...
+
+    def follow(self, limit: int, begin: float, seconds: float, patience: float) -> Look:
+        """Look until a sensor at the front reads so much, it is there, or patience is over.
+
+        Args:
+            limit: counts.
+            begin: when it set out, on its clock.
+            seconds: after which it should be there; wheels are not looked at before.
+            patience: seconds beyond that.
+        """
+        ...
+
+
+def looked(robot: Robot, limit: int, begin: float, seconds: float) -> Look:
+    """Look once: at the sensors, and at the wheels once a robot should be there.
+
+    Args:
+        robot: on its way.
+        limit: counts of a sensor at the front from which on wheels do not matter.
+        begin: when it set out, on its clock.
+        seconds: after which it should be there.
+    """
+    proximity = robot.proximity()
+    elapsed = robot.clock() - begin
+    seen = max(proximity[FRONT_SENSORS]) >= limit or elapsed < seconds
+    return Look(proximity, elapsed, None if seen else robot.status())

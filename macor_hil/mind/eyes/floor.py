@@ -1,16 +1,20 @@
 """Receptive fields and, beside them, where the floor ends in every direction, and at what."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
+from khepera_protocol.compiled import PlainRuns, load
 from khepera_protocol.mirror import Mirror
 from pydantic import Field
 
 from macor_hil.arrays import Array, Image
-from macor_hil.mind.eyes.floor_profile import floor_profile
+from macor_hil.mind.eyes.floor_profile import LOWEST, floor_profile, profile_of
 from macor_hil.mind.eyes.panorama import PanoramaEyes
-from macor_hil.mind.eyes.sights import CHANNELS, SECTORS, sights
+from macor_hil.mind.eyes.sights import CHANNELS, SECTORS, brightness, feet_of, sectors, sights
 from macor_hil.mind.eyes.unwrap import PanoramaSize
+
+_COMPILED: Final = "macor_hil.mind.eyes.panorama_scan"
+_RUNS: Final = PlainRuns(1_000)
 
 
 class FloorEyes(PanoramaEyes):
@@ -45,9 +49,20 @@ class FloorEyes(PanoramaEyes):
     def look(self, image: Image) -> Array:
         """Return the untuned features of a picture, the profile of its floor, and its sights."""
         panorama = self.unwrap(image)
+        if _RUNS.are_enough():
+            return self._scanned(panorama)
         profile = floor_profile(panorama, self.mirror, self._contrast)
         around = sights(panorama, self.mirror, profile)
         return np.concatenate([self.fields.raw(panorama), profile, around.ravel()])
+
+    def _scanned(self, panorama: Image) -> Array:
+        """Return the same by the compiled form."""
+        compiled, (rows, columns, _) = load(_COMPILED), panorama.shape
+        means, edges, found = compiled.scan(panorama, LOWEST, self._contrast)
+        profile = profile_of(edges, found, rows, self.mirror)
+        grey, feet = brightness(panorama), feet_of(profile, rows, self.mirror)
+        around = compiled.sights(panorama, grey, feet, sectors(columns))
+        return np.concatenate([self.fields.raw_of(means), profile, around.ravel()])
 
     def tuned(self, raw: Array) -> Array:
         """Stretch raw means to the tuned range; profile and sights are no features."""

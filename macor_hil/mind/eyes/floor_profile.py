@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from khepera_protocol.mirror import Mirror
 
-from macor_hil.arrays import Array, Image, Levels
+from macor_hil.arrays import Array, Image, Levels, Mask
 
 FARTHEST: Final = 25.0
 """Heights of the camera beyond which all distances count as this one."""
@@ -22,7 +22,7 @@ FARTHEST: Final = 25.0
 NEAREST: Final = 0.125
 """Heights of the camera below which all distances count as this one."""
 
-_LOWEST: Final = 2
+LOWEST: Final = 2
 """Rows of the panorama that show the floor beside the robot."""
 
 
@@ -45,7 +45,7 @@ def floor_profile(panorama: Image, mirror: Mirror, contrast: float) -> Array:
     """
     rows = len(panorama)
     apart: Levels = panorama.astype(np.float32)
-    apart -= _median(apart[-_LOWEST:].reshape(-1, 3))
+    apart -= _median(apart[-LOWEST:].reshape(-1, 3))
     # a reduction over an axis of three is slow
     blue, green, red = np.moveaxis(np.abs(apart), 2, 0)
     differs = np.maximum(np.maximum(blue, green), red) > contrast
@@ -53,9 +53,20 @@ def floor_profile(panorama: Image, mirror: Mirror, contrast: float) -> Array:
     ends[1:] &= differs[:-1]
     ends[0] = False
     row = rows - 1 - np.argmax(ends[::-1], axis=0)
-    edge = _within_row(apart, row)
-    elevation = mirror.high - edge * (mirror.high - mirror.low) / rows
-    depression = np.where(ends.any(axis=0), np.clip(-elevation, 0.0, np.pi / 2 - 1e-3), 0.0)
+    return profile_of(_within_row(apart, row), ends.any(axis=0), rows, mirror)
+
+
+def profile_of(edges: Array, found: Mask, rows: int, mirror: Mirror) -> Array:
+    """Return the inverse distance of the floor's end in each column, shape (columns,).
+
+    Args:
+        edges: its place in rows from the top, shape (columns,).
+        found: whether the floor ends at all, shape (columns,).
+        rows: of the panorama.
+        mirror: elevations of the panorama's rows.
+    """
+    elevation = mirror.high - edges * (mirror.high - mirror.low) / rows
+    depression = np.where(found, np.clip(-elevation, 0.0, np.pi / 2 - 1e-3), 0.0)
     profile: Array = np.clip(np.tan(depression), 1 / FARTHEST, 1 / NEAREST)
     return profile
 

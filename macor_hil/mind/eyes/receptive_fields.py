@@ -45,9 +45,13 @@ class ReceptiveFields:
     def raw(self, panorama: Image) -> Array:
         """Return the mean of each channel in each field, untuned: shape (sectors * 3,)."""
         # both steps are linear: averaging over elevation first leaves little to transform
-        columns = opponent_colours(panorama.mean(axis=0))
-        means: Array = (_profiles(self.sectors, len(columns), self.width) @ columns).ravel()
-        return means
+        return self.raw_of(panorama.mean(axis=0))
+
+    def raw_of(self, means: Array) -> Array:
+        """Return the same of the mean colour of each column, shape (columns, 3)."""
+        columns = opponent_colours(means)
+        fields: Array = (_profiles(self.sectors, len(columns), self.width) @ columns).ravel()
+        return fields
 
     def __call__(self, panorama: Image) -> Array:
         """Return the features x of a panorama."""
@@ -55,7 +59,7 @@ class ReceptiveFields:
 
     def tune(self, raw: Array) -> Array:
         """Stretch raw means, shape (..., sectors * 3), to the tuned range."""
-        low, high = np.tile(self.low, self.sectors), np.tile(self.high, self.sectors)
+        low, high = _ranges(self.low, self.high, self.sectors)
         tuned: Array = np.clip((raw - low) / (high - low), 0.0, 1.0)
         return tuned
 
@@ -72,6 +76,12 @@ class ReceptiveFields:
         flat = high - low < 0.02
         low, high = np.where(flat, 0.0, low), np.where(flat, 1.0, high)
         return replace(self, low=tuple(low.tolist()), high=tuple(high.tolist()))
+
+
+@lru_cache(maxsize=8)
+def _ranges(low: tuple[float, ...], high: tuple[float, ...], sectors: int) -> tuple[Array, Array]:
+    """Return the least and the greatest value of each feature."""
+    return np.tile(low, sectors), np.tile(high, sectors)
 
 
 @lru_cache(maxsize=8)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from khepera_protocol.mirror import Mirror
 
-from macor_hil.arrays import Array, Image
+from macor_hil.arrays import Array, Image, Indices
 
 SECTORS: Final = 24
 """Sectors around the robot, evenly, the first one behind its left side, clockwise."""
@@ -23,6 +23,24 @@ _ABOVE: Final = 2
 """Rows above the floor's end, in which nothing of the floor is left."""
 
 
+def brightness(panorama: Image) -> Image:
+    """Return the brightness of every pixel, shape (rows, columns)."""
+    return np.asarray(cv2.cvtColor(panorama, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def sectors(columns: int) -> Indices:
+    """Return the first column of each sector, and the number of all columns."""
+    begins: Indices = np.arange(SECTORS + 1) * columns // SECTORS
+    return begins
+
+
+def feet_of(profile: Array, rows: int, mirror: Mirror) -> Indices:
+    """Return the row just above the floor's end of each column, of so many rows."""
+    share = (mirror.high + np.arctan(profile)) / (mirror.high - mirror.low)
+    feet: Indices = np.clip((share * rows).astype(np.int64) - _ABOVE, 0, rows - 1)
+    return feet
+
+
 def sights(panorama: Image, mirror: Mirror, profile: Array) -> Array:
     """Return the sights of a panorama, shape (sectors, 5).
 
@@ -32,13 +50,12 @@ def sights(panorama: Image, mirror: Mirror, profile: Array) -> Array:
         profile: inverse distance of the floor's end in each column, see `floor_profile`.
     """
     rows, columns, _ = panorama.shape
-    begins = np.arange(SECTORS) * columns // SECTORS
+    begins = sectors(columns)[:-1]
     counts = np.maximum(np.diff(begins, append=columns), 1)
-    share = (mirror.high + np.arctan(profile)) / (mirror.high - mirror.low)
-    foot = np.clip((share * rows).astype(np.int64) - _ABOVE, 0, rows - 1)
+    foot = feet_of(profile, rows, mirror)
     feet = panorama[foot, np.arange(columns)].astype(np.float64)
     colours = np.add.reduceat(feet, begins, axis=0) / counts[:, np.newaxis]
-    grey = np.maximum.reduceat(cv2.cvtColor(panorama, cv2.COLOR_BGR2GRAY), begins, axis=1)
+    grey = np.maximum.reduceat(brightness(panorama), begins, axis=1)
     row = grey.argmax(axis=0)
     light = grey[row, np.arange(SECTORS)]
     seen: Array = np.column_stack([colours / 255.0, light / 255.0, 1.0 - row / rows])

@@ -1,8 +1,10 @@
 """The free floor around the robot: the line along which it ends, and how near a place is to it."""
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from khepera_protocol.compiled import PlainRuns, load
 
 from macor_hil.arrays import Array, Mask
 from macor_hil.mind.eyes.floor_profile import azimuths
@@ -13,11 +15,21 @@ _JUMP: Final = 0.05
 _GAP: Final = 1.5
 """Heights: what is nearer to each other than that leaves no way for the robot."""
 
+_COMPILED: Final = "macor_hil.mind.foresight.compiled_floor"
+_SOLIDS: Final = PlainRuns(4_000)
+_CLEARANCES: Final = PlainRuns(4_000)
+
+
+@lru_cache(maxsize=8)
+def _units(directions: int) -> tuple[Array, Array]:
+    """Return cosine and sine of each direction."""
+    azimuth = azimuths(directions)
+    return np.cos(azimuth), np.sin(azimuth)
+
 
 def line_of(profile: Array) -> Array:
     """Return the places where the floor ends, shape (directions, 2), of a profile."""
-    directions = azimuths(len(profile))
-    line: Array = np.stack([np.cos(directions), np.sin(directions)], axis=1) / profile[:, None]
+    line: Array = np.stack(_units(len(profile)), axis=1) / profile[:, None]
     return line
 
 
@@ -30,6 +42,11 @@ def joined(profile: Array, line: Array) -> Mask:
 
 def solids(profile: Array) -> tuple[Array, Array]:
     """Return the beginnings and the ends of straight solid pieces, both of shape (n, 2)."""
+    if _SOLIDS.are_enough():
+        pieces: tuple[Array, Array] = load(_COMPILED).solids(
+            profile, *_units(len(profile)), _JUMP, _GAP
+        )
+        return pieces
     line = line_of(profile)
     solid = joined(profile, line)
     return line[solid], np.roll(line, -1, axis=0)[solid]
@@ -41,6 +58,9 @@ def clearance(solid: tuple[Array, Array], places: Array) -> Array:
     if not len(begin):
         return np.full(len(places), np.inf)
     along = end - begin
+    if _CLEARANCES.are_enough():
+        found: Array = load(_COMPILED).clearance(begin, end, places, places @ along.T)
+        return found
     length = np.maximum((along * along).sum(axis=1), 1e-9)
     share = (places @ along.T - (begin * along).sum(axis=1)) / length
     share = np.clip(share, 0.0, 1.0)

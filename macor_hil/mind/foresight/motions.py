@@ -1,10 +1,10 @@
 """The motion of each command, learned by matching profiles seen before and after it."""
 
-from typing import Final
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from macor_hil.arrays import Array
+from macor_hil.arrays import Array, Indices
 from macor_hil.mind.eyes.floor_profile import azimuths
 
 LEAST: Final = 30
@@ -51,11 +51,11 @@ def learned_motion(before: Array, after: Array) -> Array | None:
     """
     if len(before) < LEAST:
         return None
-    before, after = before[-_MOST:], after[-_MOST:]
+    view = _View.of(before[-_MOST:], after[-_MOST:])
     motion = np.zeros(3)
     for _ in range(_ROUNDS):
-        off = _mismatch(before, after, motion)
-        steps = [(_mismatch(before, after, motion + d) - off) / _TINY for d in _TINY * np.eye(3)]
+        off = view.mismatch(motion)
+        steps = [(view.mismatch(motion + d) - off) / _TINY for d in _TINY * np.eye(3)]
         good = np.isfinite([off, *steps]).all(axis=0)
         if not good.any():
             return None
@@ -70,19 +70,47 @@ def learned_motion(before: Array, after: Array) -> Array | None:
     return motion
 
 
-def _mismatch(before: Array, after: Array, motion: Array) -> Array:
-    """Return what is seen after a motion less what should be; NaN where that cannot be told."""
-    directions = azimuths(before.shape[1])
-    x, y = np.cos(directions) / before - motion[0], np.sin(directions) / before - motion[1]
-    c, s = np.cos(motion[2]), np.sin(motion[2])
-    x, y = c * x + s * y, c * y - s * x
-    columns = len(directions)
-    place = (np.pi - np.arctan2(y, x)) / (2 * np.pi) * columns - 0.5
-    column = np.floor(place).astype(int)
-    share, frame = place - column, np.arange(len(before))[:, None]
-    seen = after[frame, column % columns] * (1 - share)
-    seen = seen + after[frame, (column + 1) % columns] * share
-    near, nearest = _NEAR
-    told = (before > near) & (before < nearest) & (seen < nearest)
-    off: Array = np.where(told, seen - 1.0 / np.maximum(np.hypot(x, y), 1e-6), np.nan)
-    return off
+class _View(NamedTuple):
+    """The places that frames show well enough before a motion, one after the other.
+
+    Attributes:
+        x, y: of each place, shape (K,).
+        first: of the frame that shows it, in `after`.
+        columns: directions of a frame.
+        after: profiles of the frames that followed, one after the other.
+    """
+
+    x: Array
+    y: Array
+    first: Indices
+    columns: int
+    after: Array
+
+    @classmethod
+    def of(cls, before: Array, after: Array) -> Self:
+        """Return the places of profiles, both of shape (T, directions)."""
+        columns = before.shape[1]
+        directions = azimuths(columns)
+        near, nearest = _NEAR
+        frame, direction = np.nonzero((before > near) & (before < nearest))
+        profile = before[frame, direction]
+        x = np.cos(directions)[direction] / profile
+        y = np.sin(directions)[direction] / profile
+        return cls(x, y, frame * columns, columns, after.ravel())
+
+    def mismatch(self, motion: Array) -> Array:
+        """Return what is seen after a motion less what should be; NaN where that cannot be told."""
+        columns = self.columns
+        x, y = self.x - motion[0], self.y - motion[1]
+        c, s = np.cos(motion[2]), np.sin(motion[2])
+        x, y = c * x + s * y, c * y - s * x
+        place = (np.pi - np.arctan2(y, x)) / (2 * np.pi) * columns - 0.5
+        column = np.floor(place)
+        share = place - column
+        left = column.astype(np.int64) % columns
+        right = left + 1
+        right[right == columns] = 0
+        seen = self.after[self.first + left] * (1 - share) + self.after[self.first + right] * share
+        off: Array = seen - 1.0 / np.maximum(np.hypot(x, y), 1e-6)
+        off[seen >= _NEAR[1]] = np.nan
+        return off

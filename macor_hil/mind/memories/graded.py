@@ -5,6 +5,7 @@ as the robot was in it (`clustering.membership`). How a situation was entered do
 """
 
 from collections.abc import Callable
+from itertools import islice
 from typing import Annotated, Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydantic import Field
 
 from macor_hil.arrays import Array, State
 from macor_hil.commands import MIRRORED
-from macor_hil.mind.experience import Experience
+from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.memories.prototypes import WIDTH, Prototypes, placed
 from macor_hil.mind.stored import MOST_COUNTED, MOST_EARNED, numbers
 
@@ -34,6 +35,7 @@ class GradedMap:
             [k, a, k']; nothing follows a collision.
         tried: how often command a was driven in situation k, shape (n, m).
         earned: sum of the reinforcement that it earned, shape (n, m).
+        counted: another number whenever any of these has changed.
     """
 
     def __init__(self, nodes: int, commands: int) -> None:
@@ -42,6 +44,7 @@ class GradedMap:
         self.led_to = np.zeros((nodes, commands, nodes))
         self.tried = np.zeros((nodes, commands))
         self.earned = np.zeros((nodes, commands))
+        self.counted = 0
 
     def count(self, before: Array, command: int, after: Array | None, r: float) -> None:
         """Count one command.
@@ -52,6 +55,7 @@ class GradedMap:
             after: memberships where it ended, shape (n,), or None after a collision.
             r: what it earned.
         """
+        self.counted += 1
         self.tried[:, command] += before
         self.earned[:, command] += before * r
         if after is not None:
@@ -83,6 +87,7 @@ class GradedMap:
         if (led_to.sum(axis=2) > room).any() or (np.abs(earned) > MOST_EARNED * room).any():
             raise ValueError("commands led to more, or earned more, than they were tried")
         self.led_to, self.tried, self.earned = led_to, tried, earned
+        self.counted += 1
 
 
 class GradedSituations(Protocol):
@@ -91,6 +96,10 @@ class GradedSituations(Protocol):
     def memberships(self, x: Array) -> Array:
         """Return memberships, shape (n,), of an input of shape (M,)."""
         ...
+
+
+_Known = tuple[Moment | None, GradedSituations, tuple[Array, Array]]
+"""A moment, the situations of then, and its memberships with those of its mirror image."""
 
 
 class GradedMemory:
@@ -126,6 +135,8 @@ class GradedMemory:
         self._mirrored = mirrored
         self._width = width
         self._both_sides = both_sides
+        nothing = np.zeros(0)
+        self._last: _Known = None, self.situations, (nothing, nothing)
 
     def memberships(self, x: Array) -> Array:
         """Return how much features of shape (M,) belong to each situation, shape (n,)."""
@@ -138,11 +149,15 @@ class GradedMemory:
 
     def learn(self, experience: Experience) -> None:
         """Count an experience, and its mirror image."""
-        before, after = experience.before.features, experience.after.features
-        self._count(before, experience.command, after, experience)
-        if self._both_sides:
-            mirrored = self._mirrored
-            self._count(mirrored(before), MIRRORED[experience.command], mirrored(after), experience)
+        command, r = experience.command, experience.reinforcement
+        sides = zip(
+            (command, MIRRORED[command]),
+            self._belonging(experience.before),
+            (None, None) if experience.collided else self._belonging(experience.after),
+            strict=True,
+        )
+        for driven, before, after in islice(sides, 1 + self._both_sides):
+            self.counts.count(before, driven, after, r)
 
     def state(self) -> State:
         """Return the prototypes' places, and all counts."""
@@ -164,6 +179,17 @@ class GradedMemory:
             self.situations = Prototypes(centres, self._width)
         self.counts.load(state)
 
-    def _count(self, before: Array, command: int, after: Array, experience: Experience) -> None:
-        then = None if experience.collided else self.memberships(after)
-        self.counts.count(self.memberships(before), command, then, experience.reinforcement)
+    def _belonging(self, moment: Moment) -> tuple[Array, Array]:
+        """Return the memberships of a moment and of its mirror image.
+
+        Those of the moment seen last are kept: an experience begins where the one before ended.
+        """
+        if (
+            self._last is None
+            or self._last[0] is not moment
+            or self._last[1] is not self.situations
+        ):
+            x = moment.features
+            both = self.memberships(x), self.memberships(self._mirrored(x))
+            self._last = moment, self.situations, both
+        return self._last[2]

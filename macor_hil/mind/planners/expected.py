@@ -11,16 +11,25 @@ how it got there, and pooling gives every estimate m times the evidence. The pap
 "actual transition probabilities" as a variant that it gave up.
 """
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from macor_hil.arrays import Array, Mask
 from macor_hil.mind.experience import Moment
-from macor_hil.mind.memories.transitions import SensorimotorMap
+from macor_hil.mind.memories.transitions import SensorimotorMap, Transitions
 from macor_hil.mind.planners.planner import Hypothesis, Plan, best_command, ranked
 from macor_hil.mind.planners.value_iteration import iterate
+
+
+class _Evaluated(NamedTuple):
+    """Commands of all situations: chances of their outcomes, which were tried, and their worth."""
+
+    chance: Array
+    tried: Mask
+    q: Array
+    steps: int
 
 
 class Expected:
@@ -43,21 +52,12 @@ class Expected:
         self._gamma = gamma
         self._max_steps = max_steps
         self._settled = settled
+        self._last: tuple[Transitions, _Evaluated] | None = None
 
     def plan(self, memory: SensorimotorMap, now: Moment) -> Plan:
         """Evaluate the commands that can follow the present neuron."""
         transitions, start = memory, now.neuron
-        chance, r = pooled_outcomes(transitions)
-        tried: Mask = chance.sum(axis=2) > 0.0
-        reward = (chance * r).sum(axis=2)
-        q, steps = iterate(
-            chance,
-            reward,
-            tried,
-            gamma=self._gamma,
-            max_steps=self._max_steps,
-            settled=self._settled,
-        )
+        chance, tried, q, steps = self._evaluated(memory)
         node = start // transitions.commands
         evaluations = tuple(
             float(value) if known else None
@@ -71,6 +71,24 @@ class Expected:
         ]
         weighed = ranked(hypotheses, transitions.commands)
         return Plan(evaluations, command, weighed[0].neurons if weighed else (), steps, weighed)
+
+    def _evaluated(self, memory: SensorimotorMap) -> _Evaluated:
+        """Return what all commands are worth, which is the same until something is learned."""
+        known = memory.transitions()
+        if self._last is None or self._last[0] is not known:
+            chance, r = pooled_outcomes(memory)
+            tried: Mask = chance.sum(axis=2) > 0.0
+            reward = (chance * r).sum(axis=2)
+            q, steps = iterate(
+                chance,
+                reward,
+                tried,
+                gamma=self._gamma,
+                max_steps=self._max_steps,
+                settled=self._settled,
+            )
+            self._last = known, _Evaluated(chance, tried, q, steps)
+        return self._last[1]
 
 
 def _likeliest(chance: Array, q: Array, tried: Mask, node: int, a: int) -> tuple[int, ...]:

@@ -47,6 +47,7 @@ class Graded:
         memory: str = "graded",
     ) -> None:
         self.memory = memory
+        self._last: tuple[tuple[GradedMap, int], tuple[Array, Array, int]] | None = None
         self._gamma = gamma
         self._max_steps = max_steps
         self._settled = settled
@@ -55,15 +56,7 @@ class Graded:
     def plan(self, memory: GradedMemory, now: Moment) -> Plan:
         """Evaluate the commands that can follow the present moment."""
         graded, b = memory.counts, memory.memberships(now.features)
-        chance, reward = graded.outcomes(self._doubt)
-        q, steps = iterate(
-            chance,
-            reward,
-            np.ones_like(reward, dtype=bool),  # an untried command is worth its doubt
-            gamma=self._gamma,
-            max_steps=self._max_steps,
-            settled=self._settled,
-        )
+        chance, q, steps = self._evaluated(graded)
         tried = b @ graded.tried > 0.0
         values = b @ q
         evaluations = tuple(
@@ -79,6 +72,22 @@ class Graded:
         )
         sequence = hypotheses[0].neurons if hypotheses else ()
         return Plan(evaluations, best_command(evaluations), sequence, steps, hypotheses)
+
+    def _evaluated(self, graded: GradedMap) -> tuple[Array, Array, int]:
+        """Return chances, what all commands are worth, and steps; the same until it is counted."""
+        state = graded, graded.counted
+        if self._last is None or self._last[0] != state:
+            chance, reward = graded.outcomes(self._doubt)
+            q, steps = iterate(
+                chance,
+                reward,
+                np.ones_like(reward, dtype=bool),  # an untried command is worth its doubt
+                gamma=self._gamma,
+                max_steps=self._max_steps,
+                settled=self._settled,
+            )
+            self._last = state, (chance, q, steps)
+        return self._last[1]
 
 
 def _course(graded: GradedMap, chance: Array, q: Array, b: Array, a: int) -> tuple[int, ...]:

@@ -57,6 +57,11 @@ class RequestSplitter:
             line.clear()
         return (whole if len(whole) <= self._limit else self.OVERFLOW) or None
 
+    @property
+    def empty(self) -> bool:
+        """True if no half-received line is held."""
+        return not self._line
+
     def feed(self, data: bytes) -> list[bytes]:
         """Take in bytes; return the requests completed by them."""
         parts = REQUEST_END.split(data)

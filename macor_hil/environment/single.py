@@ -1,11 +1,4 @@
-"""Gymnasium environments over a Khepera's serial port: any learner can be set beside MACOR.
-
-Importing this module registers two ids with Gymnasium, and does nothing else:
-
-    khepera/Commands-v0   Discrete(3): the paper's commands, left, right and straight on
-    khepera/Wheels-v0     Box(2): speeds of the left and the right wheel, m/s
-
-    gymnasium.make("macor_hil.environment:khepera/Commands-v0", port="khepera://corridor?seed=1")
+"""One Khepera as a Gymnasium environment, over any serial port.
 
 An episode begins with a seeded reset of the emulated robot, ends (terminated) with a collision as
 the robot's own sensors tell it, and is cut (truncated) after 40 steps. On a physical robot (any
@@ -17,20 +10,27 @@ interpreter ends.
 """
 
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from enum import StrEnum
-from numbers import Real
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.error import InvalidAction
 from khepera_protocol.mirror import Mirror
-from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import Pose, Reset
+from khepera_protocol.zenoh.payloads import Reset
 from numpy.typing import NDArray
 
-from macor_hil.commands import COMMANDS, LEFT, STRAIGHT, MotorCommand
+from macor_hil.commands import COMMANDS, MotorCommand
+from macor_hil.environment.terms import (
+    Observation,
+    Start,
+    WheelSpeeds,
+    command_of,
+    graded,
+    one_of,
+    pose_of,
+    rgb,
+    space_of,
+)
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras import Frame
 from macor_hil.hardware.devices import open_hardware
@@ -38,36 +38,11 @@ from macor_hil.hardware.driver import Driver, DriveSettings, Outcome
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
 from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.mind.reinforcement import Reinforcement
-from macor_hil.runs.trials import MAX_COMMANDS, Spread
+from macor_hil.runs.trials import Spread
 from macor_hil.safety.watchdog import stopped_after
 
 LONGEST_HOLD: Final = 0.5
 """Seconds beyond a step for which a physical robot may hold its wheel speeds."""
-
-_SHOWN: Final = 60
-"""Characters of a value that an error shows."""
-
-_E = TypeVar("_E", bound=StrEnum)
-
-
-class Observation(StrEnum):
-    """Kinds of observations."""
-
-    FIELDS = "fields"
-    """Mean colours of the receptive fields, in [0, 1]: shape (sectors * 3,), float32."""
-    PANORAMA = "panorama"
-    """The unwrapped picture, red, green and blue: shape (32, 120, 3), uint8."""
-    MIRROR = "mirror"
-    """The camera's picture, red, green and blue: shape (160, 160, 3), uint8."""
-
-
-class Start(StrEnum):
-    """Places where an emulated robot is put at the begin of an episode."""
-
-    RANDOM = "random"
-    """A free place, as in the paper's training."""
-    ARENA = "arena"
-    """Near the arena's own start, as in `macor-hil trials`."""
 
 
 class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
@@ -105,14 +80,14 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
         render_mode: str | None = None,
     ) -> None:
         self.render_mode = render_mode
-        self._observation = _one_of(Observation, observation)
-        self._start = _one_of(Start, start)
+        self._observation = one_of(Observation, observation)
+        self._start = one_of(Start, start)
         self._fields = fields or ReceptiveFields()
         self._reinforcement = reinforcement or Reinforcement()
         self._drive = drive or DriveSettings()
         self._mirror = Mirror()
         self._unwrap = Unwrapper(self._mirror, PanoramaSize())
-        self.observation_space = self._space()
+        self.observation_space = space_of(self._observation, self._fields, self._mirror)
         with ExitStack() as stack:
             self._hardware = stack.enter_context(open_hardware(port, camera))
             self._hardware.robot.stop()
@@ -135,7 +110,7 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
             MacorError: the robot, its camera or its emulator fails, there is no such option, or
                 the pose is not free or not inside the walls.
         """
-        pose = _pose_of(options)
+        pose = pose_of(options)
         bench = self._hardware.bench
         if bench is None and pose is not None:
             raise MacorError("the option 'pose' needs an emulated robot: nobody carries this one")
@@ -154,7 +129,9 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
         self._driver.start()
         robot = self._hardware.robot
         self._began = robot.clock()
-        return self._look(), self._info(Outcome(False, robot.proximity(), robot.counters()))
+        picture = self._picture()
+        outcome = Outcome(False, robot.proximity(), robot.counters())
+        return self._seen(picture, outcome), self._info(outcome)
 
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
         """Drive one action; returns observation, reward, terminated, truncated and info.
@@ -165,7 +142,8 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
         """
         command, outcome = self._act(action)
         reward = graded(self._reinforcement, command, outcome.collided)
-        return self._look(), reward, outcome.collided, False, self._info(outcome)
+        seen = self._seen(self._picture(), outcome)
+        return seen, reward, outcome.collided, False, self._info(outcome)
 
     def render(self) -> Any:
         """Return the camera's last picture, red, green and blue, shape (160, 160, 3), or None."""
@@ -173,7 +151,7 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
             return None
         if self._frame is None:
             self._frame = self._hardware.camera.grab()
-        return _rgb(self._frame.image)
+        return rgb(self._frame.image)
 
     def close(self) -> None:
         """Stop the robot and close port and camera; a second time does nothing."""
@@ -183,21 +161,20 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
         """Drive an action; return the command that it comes to, and how it went."""
         raise NotImplementedError
 
-    def _space(self) -> spaces.Box:
-        if self._observation is Observation.FIELDS:
-            return spaces.Box(0.0, 1.0, (self._fields.size,), np.float32)
-        size = PanoramaSize()
-        mirror = self._mirror.height, self._mirror.width
-        shape = mirror if self._observation is Observation.MIRROR else (size.rows, size.columns)
-        return spaces.Box(0, 255, (*shape, 3), np.uint8)
+    def _picture(self) -> Frame | None:
+        """Take a picture, where one is to be seen."""
+        if self._observation is not Observation.PROXIMITY:
+            self._frame = self._hardware.camera.grab()
+        return self._frame
 
-    def _look(self) -> NDArray[Any]:
-        self._frame = self._hardware.camera.grab()
+    def _seen(self, picture: Frame | None, outcome: Outcome) -> NDArray[Any]:
+        if self._observation is Observation.PROXIMITY or picture is None:
+            return np.array(outcome.proximity, np.float32)
         if self._observation is Observation.MIRROR:
-            return _rgb(self._frame.image)
-        panorama = self._unwrap(self._frame.image)
+            return rgb(picture.image)
+        panorama = self._unwrap(picture.image)
         if self._observation is Observation.PANORAMA:
-            return _rgb(panorama)
+            return rgb(panorama)
         return self._fields(panorama).astype(np.float32)
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
@@ -220,11 +197,7 @@ class CommandsEnv(KheperaEnv):
         self.action_space = spaces.Discrete(len(COMMANDS))
 
     def _act(self, action: Any) -> tuple[MotorCommand, Outcome]:
-        if not self.action_space.contains(action):
-            raise InvalidAction(
-                f"the action {_shown(action)} is none of 0 (left), 1 (right) and 2 (straight on)"
-            )
-        command = COMMANDS[int(action)]
+        command = COMMANDS[command_of(action)]
         return command, self._driver.execute(command)
 
 
@@ -239,101 +212,16 @@ class WheelsEnv(KheperaEnv):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self._unit = self._drive.wheels.left / 0.010  # m/s of one count / 10 ms
-        top = np.float32(self._drive.speed * self._unit)
-        self._top = float(top)
-        self._period = STRAIGHT.way / self._top
-        self.action_space = spaces.Box(-top, top, (2,), np.float32)
+        self._wheels = WheelSpeeds(self._drive)
+        self.action_space = self._wheels.space
 
     def _act(self, action: Any) -> tuple[MotorCommand, Outcome]:
-        left, right = (round(float(v) / self._unit) for v in self._speeds(action))
+        left, right = self._wheels.counts(action)
         alone = self._thinking_is_free
         limit = nullcontext() if alone else self._limit()
         with limit:
-            outcome = self._driver.hold(left, right, self._period, roll_on=alone)
-        left_way, right_way = (speed * self._unit * self._period for speed in (left, right))
-        command = MotorCommand(
-            "wheels",
-            turn=(right_way - left_way) / self._drive.wheels.base,
-            way=(left_way + right_way) / 2,
-        )
-        return command, outcome
+            outcome = self._driver.hold(left, right, self._wheels.period, roll_on=alone)
+        return self._wheels.arc(left, right), outcome
 
     def _limit(self) -> AbstractContextManager[None]:
-        return stopped_after(self._hardware.robot.port, self._period + LONGEST_HOLD)
-
-    def _speeds(self, action: Any) -> NDArray[np.float32]:
-        """Return the speeds of an action, which need not be of the space's own type of number."""
-        try:
-            given = np.asarray(action)
-        except (TypeError, ValueError):  # such as lists of several lengths
-            given = np.array(None)
-        if given.dtype.kind in "iuf":
-            with np.errstate(over="ignore"):  # infinity is out of bounds as well
-                speeds = given.astype(np.float32)
-            if self.action_space.contains(speeds):
-                return speeds
-        top = f"{self._top:g}"
-        raise InvalidAction(
-            f"the action {_shown(action)} is not two speeds from -{top} to {top} m/s"
-        )
-
-
-def graded(reinforcement: Reinforcement, command: MotorCommand, collided: bool) -> float:
-    """Return what any arc earns: the paper's reinforcement at its three commands, else between.
-
-    From straight on to a turn of 12 degrees it falls linearly, and it grows with the way, up to a
-    command's 21 mm: who stands still or drives back earns nothing.
-    """
-    if collided:
-        return reinforcement.collision
-    turning = min(1.0, abs(command.turn / LEFT.turn))
-    way = min(1.0, max(0.0, command.way / STRAIGHT.way))
-    return way * (reinforcement.straight + turning * (reinforcement.turn - reinforcement.straight))
-
-
-def _one_of(kind: type[_E], name: str) -> _E:
-    try:
-        return kind(name)
-    except ValueError:
-        raise MacorError(
-            f"there is no {kind.__name__.lower()} {name!r}; there are {', '.join(kind)}"
-        ) from None
-
-
-def _pose_of(options: dict[str, Any] | None) -> Pose | None:
-    """Return the pose that the options of a reset ask for."""
-    if options is not None and not isinstance(options, dict):
-        raise MacorError(f"the options of a reset are a dictionary, not {_shown(options)}")
-    for name in options or {}:
-        if name != "pose":
-            raise MacorError(f"a reset has no option {_shown(name)}; there is 'pose'")
-    given = (options or {}).get("pose")
-    if given is None:
-        return None
-    try:
-        x, y, heading = given
-        if not all(isinstance(value, Real) for value in (x, y, heading)):
-            raise ValueError
-        return Pose(x=float(x), y=float(y), heading=float(heading))
-    except (TypeError, ValueError, OverflowError):
-        raise MacorError(
-            f"the pose {_shown(given)} is not x, y and heading, in metres and radians"
-        ) from None
-
-
-def _shown(value: object) -> str:
-    return printable(repr(value), _SHOWN)
-
-
-def _rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a picture in OpenCV's order of channels, turned to Gymnasium's."""
-    return np.ascontiguousarray(image[..., ::-1])
-
-
-for _name, _kind in (("Commands", CommandsEnv), ("Wheels", WheelsEnv)):
-    gymnasium.register(
-        f"khepera/{_name}-v0",
-        entry_point=f"{_kind.__module__}:{_kind.__name__}",
-        max_episode_steps=MAX_COMMANDS,
-    )
+        return stopped_after(self._hardware.robot.port, self._wheels.period + LONGEST_HOLD)
