@@ -72,8 +72,7 @@ def load(module: str) -> ModuleType:
 
 def compiled(function: _F) -> _F:
     """Compile a function when it is first called; for modules that `load` imports."""
-    import numba
-
+    numba: Any = import_module("numba")
     # divisions by zero are no errors, as in C; the lock of the interpreter is not held
     made: _F = numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)(
         function
@@ -83,8 +82,7 @@ def compiled(function: _F) -> _F:
 
 def part(function: _F) -> _F:
     """Compile a function that compiled functions alone call, which takes less time."""
-    import numba
-
+    numba: Any = import_module("numba")
     made: _F = numba.njit(
         error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
     )(function)
