@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import serial
 from as_type import as_type
-from khepera_protocol import compiled
-from khepera_protocol.compiled import ALWAYS, NEVER, VARIABLE, PlainRuns, load
 from khepera_protocol.mirror import Mirror
+from khepera_protocol.system import compiled
+from khepera_protocol.system.compiled import ALWAYS, NEVER, VARIABLE, PlainRuns, load
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 from khepera_emulator.arenas.arena import load_arena

@@ -17,7 +17,7 @@ from as_type import as_type
 from emulator_process import PATIENCE
 from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
-from khepera_protocol.compiled import is_installed
+from khepera_protocol.system.compiled import is_installed
 from rig import Rig, rig
 
 from macor_hil.commands import COMMANDS, MotorCommand

@@ -31,7 +31,6 @@ IO = {
 """Modules that know files, lines, clocks, threads, a process or its terminal."""
 
 WITH_IO = {
-    "khepera_protocol.compiled": {"os", "pathlib", "sys"},
     "khepera_protocol.config_file": {"pathlib", "typer"},
     "khepera_protocol.extras": {"sys", "urllib"},
     "khepera_protocol.logs": {"time"},
@@ -43,7 +42,7 @@ WITH_IO = {
 """The only ones that import them, of the mind and of the protocol beside two of its folders."""
 
 SEEN_BY_THE_MIND = {
-    "khepera_protocol.compiled",
+    "khepera_protocol.system.compiled",
     "khepera_protocol.mirror",
     "khepera_protocol.options",
     "khepera_protocol.registry",

@@ -11,8 +11,8 @@ from math import pi
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from khepera_protocol.compiled import is_installed, load
 from khepera_protocol.extras import how_to_install
+from khepera_protocol.system.compiled import is_installed, load
 from khepera_protocol.zenoh.payloads import Pose
 from numpy.typing import NDArray
 

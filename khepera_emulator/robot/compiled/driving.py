@@ -4,8 +4,8 @@ from math import cos, sin
 from typing import Any
 
 import numpy as np
-from khepera_protocol.compiled import compiled, part
 from khepera_protocol.serial.units import CONTROL_PERIOD, PULSE
+from khepera_protocol.system.compiled import compiled, part
 
 from khepera_emulator.robot.compiled.solids import clearance, gap_to, hypot, toward
 from khepera_emulator.robot.compiled.wheels import at_rest, control, roll

@@ -4,7 +4,7 @@ from math import cos, inf, sin
 from typing import Any
 
 import numpy as np
-from khepera_protocol.compiled import part
+from khepera_protocol.system.compiled import part
 
 from khepera_emulator.robot.compiled.solids import gap_to, ray, toward
 

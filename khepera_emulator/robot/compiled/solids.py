@@ -3,7 +3,7 @@
 from math import inf, sqrt
 from typing import Any
 
-from khepera_protocol.compiled import compiled, part
+from khepera_protocol.system.compiled import compiled, part
 
 _GLANCE = 1e-200
 _SPLIT = 2.0**27 + 1.0

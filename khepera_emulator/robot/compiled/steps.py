@@ -6,7 +6,7 @@ port. Arrays hold a row for each robot; robots that are not `active` are left al
 
 from typing import Any
 
-from khepera_protocol.compiled import compiled, part
+from khepera_protocol.system.compiled import compiled, part
 
 from khepera_emulator.robot.compiled.driving import run
 from khepera_emulator.robot.compiled.layout import Stage

@@ -7,8 +7,8 @@ client over a `khepera://` port.
 from math import copysign, floor
 from typing import Any
 
-from khepera_protocol.compiled import part
 from khepera_protocol.serial.units import CONTROL_PERIOD
+from khepera_protocol.system.compiled import part
 
 from khepera_emulator.robot.compiled.driving import run
 from khepera_emulator.robot.compiled.layout import POSITION, SPEED

@@ -2,7 +2,7 @@
 
 from typing import Any, Final, NamedTuple
 
-from khepera_protocol.compiled import PlainRuns, load
+from khepera_protocol.system.compiled import PlainRuns, load
 
 from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.compiled.layout import Records, Stage

@@ -6,7 +6,7 @@ the robot drives on. The plain form is the client's own loop over a `khepera://`
 
 from typing import Any
 
-from khepera_protocol.compiled import compiled
+from khepera_protocol.system.compiled import compiled
 
 from khepera_emulator.robot.compiled.layout import POSITION
 from khepera_emulator.robot.compiled.talking import ask_controllers, ask_sensors

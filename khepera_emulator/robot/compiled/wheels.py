@@ -3,7 +3,7 @@
 from math import floor, sqrt
 from typing import Any
 
-from khepera_protocol.compiled import part
+from khepera_protocol.system.compiled import part
 
 from khepera_emulator.robot.compiled.layout import DUTY, POSITION, SPEED
 

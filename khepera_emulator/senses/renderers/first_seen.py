@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from khepera_protocol.compiled import load
+from khepera_protocol.system.compiled import load
 from numpy.typing import NDArray
 
 from khepera_emulator.world.rays import Array

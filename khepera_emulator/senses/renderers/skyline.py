@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
-from khepera_protocol.compiled import PlainRuns, load
+from khepera_protocol.system.compiled import PlainRuns, load
 from khepera_protocol.zenoh.payloads import Pose
 from numpy.typing import NDArray
 

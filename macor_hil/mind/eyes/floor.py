@@ -3,8 +3,8 @@
 from typing import Annotated, Final
 
 import numpy as np
-from khepera_protocol.compiled import PlainRuns, load
 from khepera_protocol.mirror import Mirror
+from khepera_protocol.system.compiled import PlainRuns, load
 from pydantic import Field
 
 from macor_hil.arrays import Array, Image

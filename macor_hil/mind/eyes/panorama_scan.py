@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from khepera_protocol.compiled import compiled, part
+from khepera_protocol.system.compiled import compiled, part
 
 
 @compiled

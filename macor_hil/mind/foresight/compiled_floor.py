@@ -4,7 +4,7 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from khepera_protocol.compiled import compiled
+from khepera_protocol.system.compiled import compiled
 
 
 @compiled

@@ -4,7 +4,7 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from khepera_protocol.compiled import PlainRuns, load
+from khepera_protocol.system.compiled import PlainRuns, load
 
 from macor_hil.arrays import Array, Mask
 from macor_hil.mind.eyes.floor_profile import azimuths
