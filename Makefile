@@ -125,7 +125,6 @@ $(READY): requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
-	-$(BIN)/python examples/many_robots.py --robots 1 --updates 1 > $(VENV)/compiled # so that no test waits for machine code
 	touch $@
 
 $(RELEASE_READY): requirements-release.lock pyproject.toml

@@ -1,11 +1,13 @@
 """Options of the tests."""
 
+import os
 import signal
 from collections import Counter
 from collections.abc import Generator
 
 import pytest
 from hypothesis import HealthCheck, settings
+from khepera_protocol.system.compiled import NEVER, VARIABLE
 
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.world.bullet import load_physics
@@ -20,6 +22,9 @@ settings.load_profile("patient")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGQUIT, signal.SIG_DFL)
 
+
+# making machine code takes longer than a test drives; tests of compiled forms ask for them
+os.environ.setdefault(VARIABLE, NEVER)
 
 MISSING = "for which PyBullet is missing"
 

@@ -75,6 +75,7 @@ PUSHING = DriveSettings(collision=5_000, patience=0.1)
 """Does not see walls, and so pushes them."""
 
 
+@pytest.mark.long
 @needs_numba
 @pytest.mark.usefixtures("always")
 @pytest.mark.parametrize(
@@ -99,6 +100,7 @@ def test_watching_a_robot(url: str, settings: DriveSettings) -> None:
             assert both[0] == both[1], seed
 
 
+@pytest.mark.long
 @needs_numba
 @pytest.mark.usefixtures("always")
 @pytest.mark.parametrize(
@@ -111,6 +113,7 @@ def test_what_is_more_than_a_robot_among_walls_is_left_to_the_client(options: st
         assert port.watch(1000, 0.0, 0.1) is None
 
 
+@pytest.mark.long
 @needs_numba
 @pytest.mark.usefixtures("always")
 def test_a_line_that_is_not_silent_is_left_to_the_client() -> None:

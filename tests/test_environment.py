@@ -408,6 +408,7 @@ def make_many(name: str, mode: str | None = None, count: int = 3, **settings: An
     return closing(made)
 
 
+@pytest.mark.long
 @needs_numba
 @pytest.mark.parametrize(
     ("name", "settings"),
@@ -438,6 +439,7 @@ def test_many_are_what_each_is_alone(name: str, settings: Any) -> None:
                 assert np.array_equal(together[-1][key], np.array(one_by_one[-1][key].tolist()))
 
 
+@pytest.mark.long
 @needs_numba
 def test_many_take_seeds_and_a_mask_as_gymnasium_has_it() -> None:
     with make_many(IDS[0], observation="proximity") as many:
@@ -453,6 +455,7 @@ def test_many_take_seeds_and_a_mask_as_gymnasium_has_it() -> None:
             many.reset(seed=[1, 2])
 
 
+@pytest.mark.long
 @needs_numba
 @pytest.mark.parametrize(
     ("name", "actions"),
@@ -488,6 +491,7 @@ def test_many_that_cannot_be_are_told_in_a_sentence(port: str, said: str) -> Non
         make_many(IDS[0], port=port)
 
 
+@pytest.mark.long
 @needs_numba
 def test_the_example_with_many_robots_learns(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(EXAMPLE.parent)
