@@ -40,6 +40,7 @@ NEEDS = {
     "starlette": "dashboard",
     "uvicorn": "dashboard",
     "websockets": "dashboard",
+    "numba": "compiled",
     "pandas": "analysis",
     "prometheus_client": "metrics",
     "pybullet": "emulator",
