@@ -40,6 +40,7 @@ NEEDS = {
     "starlette": "dashboard",
     "uvicorn": "dashboard",
     "websockets": "dashboard",
+    "numba": "compiled",
     "pandas": "analysis",
     "prometheus_client": "metrics",
     "pybullet": "emulator",
@@ -66,6 +67,8 @@ OF_THE_SOURCES = (
 MAY_FAIL = {
     "macor_hil.environment": "gymnasium",
     "macor_hil.experiments": "experiments",
+    "macor_hil.mind.eyes.panorama_scan": "compiled",
+    "macor_hil.mind.foresight.compiled_floor": "compiled",
     "macor_hil.monitor.dashboard": "dashboard",
     "macor_hil.telemetry.ros2": "ros",
     "macor_hil.runs.by_hand.ros_drive": "ros",
