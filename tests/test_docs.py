@@ -68,9 +68,9 @@ RUNNABLE = [page for page in PAGES if any(not elsewhere(command) for command in 
 
 LONG = (
     *("own-planner.md", "tutorial.md", "arenas.md", "testing.md", "watching.md", "faults.md"),
-    "epuck.md",
+    *("epuck.md", "gymnasium.md", "viewers.md", "by-hand.md", "classroom.md", "service.md"),
 )
-"""Pages whose commands train or measure for long, or switch robots on one after the other."""
+"""Pages whose commands train, measure or compile for long, or switch many robots on."""
 
 TRIED = [
     pytest.param(page, marks=[pytest.mark.long] if page.name in LONG else []) for page in RUNNABLE
