@@ -361,6 +361,7 @@ def test_the_code_of_a_drive_is_without_what_starts_robots_for_tests() -> None:
 OURS = ("khepera_protocol", "khepera_emulator", "macor_hil")
 
 REPORTS = {
+    "khepera_protocol.palette",
     "macor_hil.experiments.experiment",
     "macor_hil.experiments.paper.avoidance",
     "macor_hil.experiments.report",

@@ -1,6 +1,7 @@
 """Steering from outside: things, faults, and a run that is paused or changes its planner."""
 
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
@@ -150,6 +151,17 @@ def map_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, "map-of-service", train) / "short.npz"
 
 
+def ask_when_it_is_known(session: zenoh.Session, wish: Steer) -> str:
+    """Ask a run that this session may not have found yet."""
+    late = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return ask_to_steer(session, "khepera", wish)
+        except TelemetryError as error:
+            if "nobody answers" not in str(error) or time.monotonic() > late:
+                raise
+
+
 def test_a_run_is_paused_and_goes_on_by_another_planner(map_file: Path) -> None:
     endpoint = free_endpoint()
     options = RunOptions(
@@ -165,7 +177,8 @@ def test_a_run_is_paused_and_goes_on_by_another_planner(map_file: Path) -> None:
 
     def on_step(decision: Decision) -> None:
         if decision.sequence == 1:
-            said.append(ask_to_steer(session, "khepera", Steer(planner="reactive", pause=True)))
+            wish = Steer(planner="reactive", pause=True)
+            said.append(ask_when_it_is_known(session, wish))
             with pytest.raises(TelemetryError, match="refuses"):
                 ask_to_steer(session, "khepera", Steer(planner="nonsense"))
 
