@@ -135,6 +135,7 @@ def test_distances_are_those_of_the_standard_library() -> None:
         assert own(a, b) == hypot(a, b)
 
 
+@pytest.mark.long
 @needs_numba
 @pytest.mark.parametrize("arena", ["corridor", "maze", "narrow-passage", "s-curve"])
 def test_pictures(arena: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,9 +72,12 @@ LONG = (
 )
 """Pages whose commands train, measure or compile for long, or switch many robots on."""
 
-TRIED = [
-    pytest.param(page, marks=[pytest.mark.long] if page.name in LONG else []) for page in RUNNABLE
-]
+
+def how_often(page: Path) -> list[pytest.MarkDecorator]:
+    return [pytest.mark.long] if page.name in LONG else []
+
+
+TRIED = [pytest.param(page, marks=how_often(page)) for page in RUNNABLE]
 
 
 @pytest.mark.timeout(10 * PATIENCE)
@@ -97,7 +100,7 @@ def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "code",
     [
-        pytest.param(block.text, id=f"{page.name}:{block.line}")
+        pytest.param(block.text, id=f"{page.name}:{block.line}", marks=how_often(page))
         for page in PAGES
         if page.parent.name == "docs"
         for block in blocks(page)
@@ -105,7 +108,8 @@ def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     ],
 )
 def test_the_python_of_a_page_runs(code: str) -> None:
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=PATIENCE)
+    # the first of all makes machine code
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=3 * PATIENCE)
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,13 @@ def test_results_of_parts_follow_one_another() -> None:
     assert joined([{"a": [1]}, {"a": []}, {"a": [2, 3]}]) == {"a": [1, 2, 3]}
 
 
-@pytest.mark.parametrize("experiment", [ARENAS, AMOUNTS, DESTINATIONS], ids=lambda one: one.name)
+FEW = replace(
+    ARENAS,
+    settings=replace(ARENAS.settings, homes=ARENAS.settings.homes[:4], mixture=(100,), unseen=(0,)),
+)
+
+
+@pytest.mark.parametrize("experiment", [FEW, AMOUNTS, DESTINATIONS], ids=lambda one: one.name)
 def test_parts_have_all_drives_and_nothing_of_each_other(
     experiment: Experiment, tmp_path: Path
 ) -> None:

@@ -59,7 +59,9 @@ def what(decisions: list[Decision]) -> list[tuple[int, str]]:
     return [(decision.situation.node, decision.command) for decision in decisions]
 
 
-@pytest.mark.parametrize("carrier", ["link", "tcp", "rfc2217"])
+@pytest.mark.parametrize(
+    "carrier", ["link", pytest.param("tcp", marks=pytest.mark.long), "rfc2217"]
+)
 def test_the_same_decisions_over_every_carrier(
     carrier: str, map_file: Path, in_process: list[Decision], tmp_path: Path
 ) -> None:

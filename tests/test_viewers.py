@@ -272,3 +272,11 @@ def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
         )
     assert done.returncode == 2
     assert f"cannot listen on 127.0.0.1:{port}: " in done.stderr
+
+
+def test_poses_at_the_bounds_of_payloads_are_seen_from_each_other() -> None:
+    far = Pose(x=-1e9, y=-1e9, heading=-1e9)
+    where = Whereabouts()
+    where.truth = where.odometry = far
+    assert where.origin.x == pytest.approx(0.0, abs=1.0)
+    assert abs(seen_from(far, far).y) <= 3e9

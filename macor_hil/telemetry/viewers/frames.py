@@ -24,7 +24,7 @@ def seen_from(frame: Pose, pose: Pose) -> Pose:
         pose: in the inner frame.
     """
     c, s = cos(frame.heading), sin(frame.heading)
-    return Pose(
+    return _unbounded(
         x=frame.x + c * pose.x - s * pose.y,
         y=frame.y + s * pose.x + c * pose.y,
         heading=frame.heading + pose.heading,
@@ -34,14 +34,19 @@ def seen_from(frame: Pose, pose: Pose) -> Pose:
 def turned_round(pose: Pose) -> Pose:
     """Return the outer frame as it lies in the inner one, of the inner one in the outer."""
     c, s = cos(pose.heading), sin(pose.heading)
-    return Pose(x=-c * pose.x - s * pose.y, y=s * pose.x - c * pose.y, heading=-pose.heading)
+    return _unbounded(x=-c * pose.x - s * pose.y, y=s * pose.x - c * pose.y, heading=-pose.heading)
 
 
 def arc(turn: float, way: float) -> Pose:
     """Return where an arc of a length in metres that turns by radians ends, seen from its start."""
     half = turn / 2
     chord = way * (sin(half) / half if half else 1.0)
-    return Pose(x=chord * cos(half), y=chord * sin(half), heading=turn)
+    return _unbounded(x=chord * cos(half), y=chord * sin(half), heading=turn)
+
+
+def _unbounded(x: float, y: float, heading: float) -> Pose:
+    """Return a pose that may lie beyond the bounds of payloads, as sums of those within may."""
+    return Pose.model_construct(x=x, y=y, heading=heading)
 
 
 class Whereabouts:
