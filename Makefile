@@ -49,7 +49,7 @@ run: $(READY)
 test: style
 	$(BIN)/mypy & types=$$!; \
 		$(BIN)/python -m pytest -n 4 --dist worksteal -m "not wall_clock and not long" && wait $$types
-	$(BIN)/python -m pytest -n 3 -m wall_clock
+	$(BIN)/python -m pytest -n 3 -m "wall_clock and not long"
 
 test-long: $(READY)
 	$(BIN)/python -m pytest -n 4 --dist worksteal -m long

@@ -33,7 +33,7 @@ import signal
 import sys
 from functools import partial
 import gymnasium
-import macor_hil.environment as environments
+import macor_hil.environment.single as environments
 from macor_hil.hardware.driver import DriveSettings
 port, pictures, baud, name = sys.argv[1:]
 environments.open_hardware = partial(environments.open_hardware, baud=int(baud))

@@ -204,7 +204,7 @@ def test_a_failing_camera_stops_a_drive_by_hand(bench: Rig) -> None:
         bench.relay.mode = "lost"
 
     assert bench.stops_within(LIMIT, attempt)
-    assert drives[-1].wait() == 2
+    assert drives[-1].wait() == 4
     drives[-1].wait_for(b"no picture")
 
 
