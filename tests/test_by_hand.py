@@ -20,7 +20,7 @@ from macor_hil.runs.by_hand.teleop import teleop as teleop_in_process
 from macor_hil.runs.learning.recorded_drives import learn
 from macor_hil.telemetry.recordings.recording import play_recording, read_recording
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.stop_key import ask_to_stop
+from macor_hil.telemetry.wishes.stop_key import ask_to_stop
 
 LIMIT = 0.5
 

@@ -23,7 +23,7 @@ from rig import RELAYED, Controller, Rig, rig
 from short_training import train_shortly
 
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.stop_key import ask_to_stop
+from macor_hil.telemetry.wishes.stop_key import ask_to_stop
 
 pytestmark = pytest.mark.wall_clock
 

@@ -23,7 +23,7 @@ from macor_hil.monitor.roster import Roster
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.steer_key import Helm, SteerKey, ask_to_steer
+from macor_hil.telemetry.wishes.steer_key import Helm, ask_to_steer, steer_key
 
 PORT = "khepera://corridor?seed=1&drift=none"
 
@@ -125,7 +125,7 @@ def test_only_a_wish_on_exactly_the_key_steers() -> None:
     helm = Helm(anything)
     with (
         open_session([endpoint], []) as session,
-        SteerKey(session, "khepera", helm),
+        steer_key(session, "khepera", helm),
         open_session([], [endpoint]) as other,
     ):
         ask_until_known(other)

@@ -37,7 +37,7 @@ from macor_hil.errors import MacorError, TelemetryError
 from macor_hil.hardware.cameras import Frame
 from macor_hil.telemetry.publisher import Publisher, PublishingCamera
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
+from macor_hil.telemetry.wishes.stop_key import ask_to_stop, stop_key
 
 STOP = '{"stop": true}'
 FRAME, DECISION, STATE = (f"macor/khepera/{leaf}" for leaf in ("frame", "decision", "state"))
@@ -207,7 +207,7 @@ def test_a_look_at_all_keys_ends_no_run_that_has_a_stop_key(endpoint: str) -> No
     told: SimpleQueue[zenoh.Sample] = SimpleQueue()
     with (
         open_session([endpoint], []) as session,
-        StopKey(session, "khepera", asked.append),
+        stop_key(session, "khepera", asked.append),
         open_session([], [endpoint]) as other,
     ):
         for replies in looks_and_puts(other):
@@ -226,7 +226,7 @@ def test_a_sample_with_the_wish_on_the_very_key_ends_a_run(endpoint: str) -> Non
     asked: SimpleQueue[str] = SimpleQueue()
     with (
         open_session([endpoint], []) as session,
-        StopKey(session, "khepera", asked.put),
+        stop_key(session, "khepera", asked.put),
         open_session([], [endpoint]) as other,
     ):
         wait_until_watched(other, "macor/khepera/stop")

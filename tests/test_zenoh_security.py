@@ -26,7 +26,7 @@ from macor_hil.hardware.cameras.zenoh_camera import ZenohCamera
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.recordings.recording import Recorder, read_recording
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.stop_key import StopKey, ask_to_stop
+from macor_hil.telemetry.wishes.stop_key import ask_to_stop, stop_key
 
 QUIET = "scouting: {multicast: {enabled: false}}"
 DOCS = Path(__file__).parents[1] / "docs" / "zenoh"
@@ -112,7 +112,7 @@ def test_a_watcher_can_neither_publish_nor_stop(folder: Path) -> None:
     stops: list[str] = []
     with (
         sessions(folder, "controller", "watcher", "controller") as (controller, watcher, other),
-        StopKey(controller, "khepera", stops.append),
+        stop_key(controller, "khepera", stops.append),
     ):
         queue = heard(other, "macor/khepera/**")
         wait_until_watched(controller, "macor/khepera/state")
@@ -192,7 +192,7 @@ def test_a_watcher_s_stop_is_not_taken(folder: Path) -> None:
     stops: list[str] = []
     with (
         sessions(folder, "controller") as (session,),
-        StopKey(session, "khepera", stops.append),
+        stop_key(session, "khepera", stops.append),
     ):
         refused = macor_hil("stop", "--zenoh-config", folder / "watcher.json5")
         assert isinstance(refused.exception, TelemetryError)

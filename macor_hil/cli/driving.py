@@ -34,7 +34,7 @@ from macor_hil.runs.demo import (
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions, TrainOptions
 from macor_hil.runs.run_reporter import RunReport
-from macor_hil.telemetry.stop_key import ask_to_stop
+from macor_hil.telemetry.wishes.stop_key import ask_to_stop
 
 app = typer.Typer()
 

@@ -7,7 +7,7 @@
                      wait for robot and camera, open them
       drive          until a collision, the last command, a goal, or somebody ends the run
         _drive_on      look, plan, drive a command, learn, tell watchers; again
-        _steered       pause or change planner, where that is allowed (`telemetry.steer_key`)
+        _steered       pause or change planner, where that is allowed (`telemetry.wishes.steer_key`)
         _back_off      after a collision, where that does not end the run: away from the wall
         _recover       after a failure: stop, wait until robot and camera work, drive on
                      whatever is raised stops the robot before it goes on (`standing_on_failure`)
@@ -62,8 +62,8 @@ from macor_hil.safety.late_bell import LateBell
 from macor_hil.telemetry.metrics import metrics_of
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.steer_key import Helm, SteerKey
-from macor_hil.telemetry.stop_key import StopKey
+from macor_hil.telemetry.wishes.steer_key import Helm, steer_key
+from macor_hil.telemetry.wishes.stop_key import stop_key
 
 _log = logging.getLogger(__name__)
 
@@ -207,9 +207,9 @@ def _telemetry(
         )
         publisher = stack.enter_context(Publisher(session, options.robot))
         if options.stop_key:
-            stack.enter_context(StopKey(session, options.robot, interruption.ask))
+            stack.enter_context(stop_key(session, options.robot, interruption.ask))
         if options.steer_key:
-            stack.enter_context(SteerKey(session, options.robot, helm))
+            stack.enter_context(steer_key(session, options.robot, helm))
         yield session, publisher
 
 

@@ -21,8 +21,8 @@ from khepera_protocol.zenoh.payloads import (
 from macor_hil.errors import TelemetryError
 from macor_hil.monitor.dashboard.wishes import Wish
 from macor_hil.telemetry.session import check_robot_name
-from macor_hil.telemetry.steer_key import ask_to_steer
-from macor_hil.telemetry.stop_key import ask_to_stop
+from macor_hil.telemetry.wishes.steer_key import ask_to_steer
+from macor_hil.telemetry.wishes.stop_key import ask_to_stop
 
 
 def steer(session: zenoh.Session, robot: str, wish: Wish) -> str:

@@ -32,7 +32,7 @@ from macor_hil.safety.claim import claim
 from macor_hil.safety.interruption import Interruption, signals_taken_over
 from macor_hil.telemetry.publisher import Publisher, PublishingCamera
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.stop_key import StopKey
+from macor_hil.telemetry.wishes.stop_key import stop_key
 
 if TYPE_CHECKING:
     from macor_hil.telemetry.recordings.recorder import LiveRecorder
@@ -167,4 +167,4 @@ def _stop_key(
 ) -> AbstractContextManager[object]:
     if not options.stop_key:
         return nullcontext()
-    return StopKey(session, options.robot, interruption.ask)
+    return stop_key(session, options.robot, interruption.ask)

@@ -2,28 +2,23 @@
 
 Wishes come in a thread of Zenoh and wait until the command that is driven has ended. The robot
 stands between two commands, so a pause needs no stop, and a new planner begins with a new look.
-Only what names the key itself and holds a `Steer` counts, as with the stop key.
 """
 
 import threading
 from collections.abc import Callable
-from contextlib import ExitStack
-from typing import Final, Self
+from typing import Final
 
 import zenoh
-from khepera_protocol.text import printable
 from khepera_protocol.zenoh.controller_payloads import Steer
 from khepera_protocol.zenoh.keys import STEER
 from khepera_protocol.zenoh.payload_model import PayloadError
-from khepera_protocol.zenoh.reply import refusal
 
-from macor_hil.errors import MacorError, TelemetryError
-from macor_hil.telemetry.session import check_robot_name
+from macor_hil.errors import TelemetryError
+from macor_hil.telemetry.wishes.acting_key import ActingKey, ask_to_act
 
 _LONGEST: Final = 1_000
 """Bytes of a wish at most."""
 
-_PATIENCE: Final = 2.0
 _LOOK: Final = 0.05
 """Seconds between two looks for a signal during a pause."""
 
@@ -83,41 +78,26 @@ class Helm:
             return course
 
 
-class SteerKey:
-    """The steer key of one robot; use as a context.
+def steer_key(session: zenoh.Session, robot: str, helm: Helm) -> ActingKey:
+    """Return the steer key of one robot, to be used as a context.
 
     Args:
         session: an open session, which stays its owner's.
         robot: the robot's name in the keys.
         helm: takes what is wished.
+
+    Raises:
+        TelemetryError: the name cannot be part of a key.
     """
 
-    def __init__(self, session: zenoh.Session, robot: str, helm: Helm) -> None:
-        check_robot_name(robot)
-        self._key = STEER.of(robot)
-        self._helm = helm
-        with ExitStack() as stack:
-            stack.enter_context(session.declare_queryable(self._key, self._answer))
-            self._stack = stack.pop_all()
+    def act(request: bytes) -> str:
+        try:
+            wish = Steer.parse(request, _LONGEST)
+        except PayloadError as error:
+            raise TelemetryError(str(error)) from None
+        return helm.take(wish)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
-
-    def _answer(self, query: zenoh.Query) -> None:
-        with query:
-            if str(query.key_expr) != self._key:
-                return  # somebody looks at what there is, and means no harm
-            try:
-                payload = query.payload
-                wish = Steer.parse(payload.to_bytes() if payload else b"", _LONGEST)
-                said = self._helm.take(wish)
-            except (PayloadError, MacorError) as error:
-                query.reply_err(printable(str(error), 300), encoding=zenoh.Encoding.TEXT_PLAIN)
-            else:
-                query.reply(self._key, said, encoding=zenoh.Encoding.TEXT_PLAIN)
+    return ActingKey(session, STEER, robot, act)
 
 
 def ask_to_steer(session: zenoh.Session, robot: str, wish: Steer) -> str:
@@ -126,15 +106,4 @@ def ask_to_steer(session: zenoh.Session, robot: str, wish: Steer) -> str:
     Raises:
         TelemetryError: no controller takes the wish.
     """
-    check_robot_name(robot)
-    key = STEER.of(robot)
-    replies = list(session.get(key, payload=wish.model_dump_json(), timeout=_PATIENCE))
-    for reply in replies:
-        if reply.ok:
-            return printable(reply.ok.payload.to_bytes()[:300].decode(errors="backslashreplace"))
-    if replies:
-        raise TelemetryError(f"the controller of {robot} refuses: {refusal(replies[0])}")
-    raise TelemetryError(
-        f"nobody answers on the Zenoh key {key}: no controller drives {robot}, or it was not"
-        " started with --steer-key"
-    )
+    return ask_to_act(session, robot, STEER, wish)
