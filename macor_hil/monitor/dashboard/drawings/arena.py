@@ -4,7 +4,7 @@ All drawings are in millimetres with y down, as SVG has it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import cos, degrees, sin
+from math import degrees
 from typing import Final, NamedTuple
 
 import cv2
@@ -17,6 +17,7 @@ from macor_hil.monitor.dashboard.drawings.svg import clean, element, points, rgb
 from macor_hil.monitor.driving import OVER
 from macor_hil.monitor.robot_state import Mark, MarkKind, RobotState
 from macor_hil.monitor.way import PIECE
+from macor_hil.telemetry.viewers.frames import arc, seen_from
 
 _MOST_HYPOTHESES: Final = 12
 _MARGIN: Final = 0.02
@@ -121,18 +122,13 @@ def _before(watched: RobotState) -> Pose:
 
 def way_of(start: Pose, ahead: Iterable[Ahead], commands: Mapping[str, Command]) -> list[Place]:
     """Return the way of a sequence of commands: the start, and the end of each command."""
-    x, y, heading = start.x, start.y, start.heading
-    way = [(x, y)]
+    pose, way = start, [(start.x, start.y)]
     for step in ahead:
         command = commands.get(step.command)
         if command is None:
             break
-        half = command.turn / 2
-        chord = command.way * (sin(half) / half if half else 1.0)
-        x += chord * cos(heading + half)
-        y += chord * sin(heading + half)
-        heading += command.turn
-        way.append((x, y))
+        pose = seen_from(pose, arc(command.turn, command.way))
+        way.append((pose.x, pose.y))
     return way
 
 
