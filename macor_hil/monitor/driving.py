@@ -23,7 +23,7 @@ _LATELY: Final = 5.0
 _LAST_WORDS: Final = 0.5
 """Seconds for which the requests of a controller that has gone may still arrive."""
 
-OVER: Final = frozenset({Phase.STOPPED, Phase.FAILED})
+_OVER: Final = frozenset({Phase.STOPPED, Phase.FAILED})
 """Phases after which nothing of a run comes."""
 
 
@@ -82,6 +82,12 @@ def client_of(watched: RobotState, now: float) -> str:
     return "another program talks to the robot" if _lately(emulated.line.asked, since, now) else ""
 
 
+def over(watched: RobotState) -> bool:
+    """Return whether what the controller told is of a run that is over."""
+    seen = watched.controlled
+    return not seen.alive or (seen.state is not None and seen.state.phase in _OVER)
+
+
 def last_run(watched: RobotState) -> str:
     """Return how the run of a controller that has gone ended; empty if none was seen."""
     seen = watched.controlled
@@ -91,7 +97,7 @@ def last_run(watched: RobotState) -> str:
     what = "training" if state.phase is Phase.TRAINING else "run"
     if state.phase is Phase.TRAINING and state.driven >= state.limit:
         return f"last training is done: {state.driven} commands"
-    if state.phase in OVER:
+    if state.phase in _OVER:
         end = f"{state.phase.value} after {_commands(state)}"
         return printable(f"last {what} {end}: {state.reason}".removesuffix(": "), _LONGEST)
     return f"last {what} vanished after {_commands(state)}"

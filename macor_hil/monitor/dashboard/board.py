@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from macor_hil.monitor.dashboard.drawings import arena, charts, eyes, texts
 from macor_hil.monitor.dashboard.drawings.svg import element
-from macor_hil.monitor.driving import driver_of
+from macor_hil.monitor.driving import driver_of, over
 from macor_hil.monitor.robot_state import RobotState
 
 Part = str | dict[str, Any] | None
@@ -115,7 +115,7 @@ class Board:
     def _camera(self, watched: RobotState, now: float) -> Parts:
         learned, decision = watched.controlled.learned, watched.controlled.decision
         fields = learned.fields if learned else None
-        goal = decision.goal if decision and not texts.over(watched) else None
+        goal = decision.goal if decision and not over(watched) else None
         return {
             "eye": self._once("eye", eyes.geometry, learned),
             "borders@viewBox": self._once("borders@viewBox", eyes.view_box, learned),
@@ -133,7 +133,7 @@ class Board:
     def _decision(self, watched: RobotState) -> Parts:
         seen = watched.controlled
         decision, learned = seen.decision, seen.learned
-        gone = "" if texts.over(watched) else None
+        gone = "" if over(watched) else None
         none = None if decision else "no controller" if not seen.alive else "no decision yet"
         parts: Parts = {
             "decision-card@data-empty": none,

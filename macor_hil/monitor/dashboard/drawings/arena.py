@@ -14,7 +14,7 @@ from khepera_protocol.zenoh.controller_payloads import Ahead, Command, Hypothesi
 from khepera_protocol.zenoh.payloads import Outline, Pose
 
 from macor_hil.monitor.dashboard.drawings.svg import clean, element, points, rgb, tip
-from macor_hil.monitor.driving import OVER
+from macor_hil.monitor.driving import over
 from macor_hil.monitor.robot_state import Mark, MarkKind, RobotState
 from macor_hil.monitor.way import PIECE
 from macor_hil.telemetry.viewers.frames import arc, seen_from
@@ -99,10 +99,8 @@ def hypothetical_ways(watched: RobotState) -> list[tuple[Hypothesis, list[Place]
 
     Those of a run that is over are none.
     """
-    seen = watched.controlled
-    decision, learned = seen.decision, seen.learned
-    over = not seen.alive or (seen.state is not None and seen.state.phase in OVER)
-    if decision is None or learned is None or over:
+    decision, learned = watched.controlled.decision, watched.controlled.learned
+    if decision is None or learned is None or over(watched):
         return []
     start = watched.emulated.pose_at(decision.frame_time)
     if start is None:

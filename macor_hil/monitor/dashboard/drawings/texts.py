@@ -11,7 +11,6 @@ from khepera_protocol.text import printable
 from khepera_protocol.zenoh.controller_payloads import Decision, Phase
 
 from macor_hil.monitor.dashboard.drawings.svg import element
-from macor_hil.monitor.driving import OVER
 from macor_hil.monitor.goals import goal_seen
 from macor_hil.monitor.line_state import LineState
 from macor_hil.monitor.robot_state import Arrivals, RobotState
@@ -149,12 +148,6 @@ def exchanges(line: LineState) -> str:
 def stale(watched: RobotState, now: float) -> bool:
     """Return whether the latest picture shows what was, not what is."""
     return bool(watched.frame) and (not watched.alive or watched.frames.rate(now) == 0.0)
-
-
-def over(watched: RobotState) -> bool:
-    """Return whether what the controller told is of a run that is over."""
-    seen = watched.controlled
-    return not seen.alive or (seen.state is not None and seen.state.phase in OVER)
 
 
 def _time(seconds: float) -> str:
