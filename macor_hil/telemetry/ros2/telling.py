@@ -10,11 +10,11 @@ from khepera_protocol.zenoh.payloads import Outline, Pose
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from macor_hil.telemetry.ros2.messages import Frames, header, heading, point, pose, vector
+from macor_hil.telemetry.viewers.prisms import prism
 
-_WALL: Final = 0.05
 _ABOVE: Final = 0.08
 _LETTERS: Final = 0.02
-"""Metres: height of walls, of words above the floor, and of their letters."""
+"""Metres: height of words above the floor, and of their letters."""
 
 _WARNED: Final = (Phase.LATE, Phase.RECOVERING)
 _BEST: Final = (1.0, 0.45, 0.0, 1.0)
@@ -126,15 +126,8 @@ def _prism(
     number: int, corners: Sequence[tuple[float, float]], colour: _Colour, time: int, frame: str
 ) -> _Marker:
     marker = _marker(time, frame, "arena", number, _Marker.TRIANGLE_LIST, colour)
-    triangles: list[tuple[float, float, float]] = []
-    for k, low in enumerate(corners):
-        near = corners[(k + 1) % len(corners)]
-        a, b, c, d = (*low, 0.0), (*near, 0.0), (*near, _WALL), (*low, _WALL)
-        triangles += [a, b, c, a, c, d]
-    for k in range(1, len(corners) - 1):
-        triangles += [(*corners[i], _WALL) for i in (0, k, k + 1)]
     marker.scale = vector(1.0, 1.0, 1.0)
-    marker.points = [point(*each) for each in triangles]
+    marker.points = [point(*each) for each in prism(corners)]
     marker.lifetime.sec = 0
     return marker
 

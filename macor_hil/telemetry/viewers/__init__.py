@@ -1,1 +1,1 @@
-"""A robot as viewers of robots draw it: frames, distances, scenes, topics, a layout, live."""
+"""A robot as viewers of robots draw it: frames, distances, prisms, scenes, topics, layout, live."""

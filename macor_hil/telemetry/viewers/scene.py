@@ -24,19 +24,17 @@ from khepera_protocol.text import printable
 from khepera_protocol.zenoh.controller_payloads import Decision, Learned
 from khepera_protocol.zenoh.keys import PAYLOADS
 from khepera_protocol.zenoh.payload_model import Payload, PayloadError
-from khepera_protocol.zenoh.payloads import Outline, Pose, Solid, Truth, Wire
+from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire
 
 from macor_hil.telemetry.feed import Arrival, Event
 from macor_hil.telemetry.viewers.distances import FARTHEST, distance
 from macor_hil.telemetry.viewers.frames import HERE, Whereabouts
+from macor_hil.telemetry.viewers.prisms import Place, prism
 from macor_hil.telemetry.viewers.wire_lines import WireLine, WireLines
 
 ARENA: Final = "arena"
 ODOMETRY: Final = "odometry"
 ROBOT: Final = "robot"
-
-_WALL: Final = 0.05
-"""Metres that walls are drawn high; an arena from above does not tell."""
 
 _BODY: Final = 0.03
 """Height of a Khepera without turrets, metres."""
@@ -56,8 +54,6 @@ _OTHER: Final = (0.15, 0.45, 0.9, 0.7)
 _DRIVEN: Final = (0.2, 0.2, 0.25, 0.8)
 _SHELL: Final = (0.25, 0.25, 0.3, 1.0)
 _NOSE: Final = (1.0, 0.8, 0.1, 1.0)
-
-_Point = tuple[float, float, float]
 
 
 class Scene:
@@ -194,23 +190,11 @@ def _arena(outline: Outline) -> SceneEntity:
         floor.size.z = 0.002
         _paint(floor.color, (*outline.floor, 1.0))
     for solid in outline.solids:
-        _prism(entity, solid)
+        body = entity.triangles.add()
+        body.pose.orientation.w = 1.0
+        _paint(body.color, (*solid.colour, 1.0))
+        _points(body.points, prism(solid.corners))
     return entity
-
-
-def _prism(entity: SceneEntity, solid: Solid) -> None:
-    """Draw a solid, which is convex, from the floor up: its sides and its top."""
-    body = entity.triangles.add()
-    body.pose.orientation.w = 1.0
-    _paint(body.color, (*solid.colour, 1.0))
-    corners = solid.corners
-    for k, (x, y) in enumerate(corners):
-        nx, ny = corners[(k + 1) % len(corners)]
-        low, high = (x, y, 0.0), (x, y, _WALL)
-        next_low, next_high = (nx, ny, 0.0), (nx, ny, _WALL)
-        _points(body.points, [low, next_low, next_high, low, next_high, high])
-    for k in range(1, len(corners) - 1):
-        _points(body.points, [(*corners[i], _WALL) for i in (0, k, k + 1)])
 
 
 def _robot(radius: float) -> SceneEntity:
@@ -247,14 +231,14 @@ def _infrared(readings: Sequence[int], radius: float) -> SceneEntity:
     return entity
 
 
-def _line(entity: SceneEntity, points: Sequence[_Point], thickness: float, colour: _Colour) -> None:
+def _line(entity: SceneEntity, points: Sequence[Place], thickness: float, colour: _Colour) -> None:
     line = entity.lines.add(type=LinePrimitive.LINE_STRIP, thickness=thickness)
     line.pose.orientation.w = 1.0
     _paint(line.color, colour)
     _points(line.points, points)
 
 
-def _points(into: Any, points: Sequence[_Point]) -> None:
+def _points(into: Any, points: Iterable[Place]) -> None:
     for x, y, z in points:
         into.add(x=x, y=y, z=z)
 
