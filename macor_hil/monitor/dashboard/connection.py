@@ -19,7 +19,7 @@ from macor_hil.monitor.dashboard.board import Part, Parts
 from macor_hil.monitor.dashboard.failures import Failures
 from macor_hil.monitor.dashboard.sources import LiveView, RecordingView, Shown, View
 from macor_hil.monitor.dashboard.steering import STEERS
-from macor_hil.monitor.dashboard.wishes import Look, Wish
+from macor_hil.monitor.dashboard.wishes import FASTEST, SLOWEST, Look, Wish
 
 PERIOD: Final = 0.1
 """Seconds between two looks at what is new."""
@@ -153,4 +153,4 @@ def _play(view: RecordingView, wish: Wish) -> None:
         case "leap":
             player.seek(player.position + wish.value)
         case "speed":
-            player.speed = min(max(wish.value, 0.1), 100.0)
+            player.speed = min(max(wish.value, SLOWEST), FASTEST)

@@ -1,12 +1,16 @@
 """Wishes of a browser: what it looks at, how a recording is played, and how robots are steered."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from khepera_protocol.zenoh.payload_model import Count, Name, Payload, Real
 from pydantic import Field
 
+SLOWEST: Final = 0.1
+FASTEST: Final = 100.0
+"""Speeds at which a recording is played."""
+
 Heading = Annotated[float, Field(ge=-6.3, le=6.3)]
-Speed = Annotated[float, Field(ge=0.1, le=100.0)]
+Speed = Annotated[float, Field(ge=SLOWEST, le=FASTEST)]
 
 
 class Look(Payload):
