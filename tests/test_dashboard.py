@@ -26,11 +26,12 @@ from watching_helpers import (
 )
 
 from macor_hil.errors import TelemetryError
+from macor_hil.monitor.dashboard import sources
 from macor_hil.monitor.dashboard.board import Board, Parts
 from macor_hil.monitor.dashboard.connection import Connection, difference
 from macor_hil.monitor.dashboard.drawings import arena, charts, eyes, texts
 from macor_hil.monitor.dashboard.failures import Failures
-from macor_hil.monitor.dashboard.sources import RecordingSource, RecordingView, Shown
+from macor_hil.monitor.dashboard.sources import RecordingSource, RecordingView, Shown, Timeline
 from macor_hil.monitor.dashboard.wishes import Wish
 from macor_hil.monitor.driving import driver_of
 from macor_hil.monitor.robot_state import Controlled, Emulated, MarkKind, RobotState
@@ -397,7 +398,7 @@ class Clock:
 
 
 def test_a_recording_is_scrubbed_forth_and_back() -> None:
-    player = RecordingSource("khepera", a_life(3), Clock())
+    player = RecordingSource(Timeline("khepera", a_life(3)), Clock())
     player.seek(2.9)
     assert not_none(player.watched.controlled.decision).sequence == 1
     version = player.watched.version
@@ -415,7 +416,7 @@ def test_a_recording_is_scrubbed_forth_and_back() -> None:
 
 def test_playing_takes_its_time_and_ends() -> None:
     clock = Clock()
-    player = RecordingSource("khepera", a_life(3), clock)
+    player = RecordingSource(Timeline("khepera", a_life(3)), clock)
     player.speed = 2.0
     clock.now = 0.75
     player.poll()
@@ -434,19 +435,31 @@ def test_playing_takes_its_time_and_ends() -> None:
 
 
 def test_each_page_plays_a_recording_for_itself() -> None:
-    events = a_life(3)
-    first, second = (RecordingSource("khepera", events, Clock()) for _ in range(2))
+    timeline = Timeline("khepera", a_life(3))
+    first, second = (RecordingSource(timeline, Clock()) for _ in range(2))
     first.seek(2.9)
     second.toggle()
     assert (first.position, first.playing) == (2.9, True)
     assert (second.position, second.playing) == (0.0, False)
 
 
+def test_a_page_that_plays_a_recording_does_not_read_it_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    timeline = Timeline("khepera", a_life(3))
+    read: list[object] = []
+    monkeypatch.setattr(sources, "in_playing_time", read.append)
+    monkeypatch.setattr(sources, "moments_of", read.append)
+    pages = [RecordingSource(timeline, Clock()) for _ in range(2)]
+    assert pages[0].moments is pages[1].moments
+    assert not read
+
+
 def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     events = a_life(1000)
-    player = RecordingSource("khepera", events, Clock())
+    player = RecordingSource(Timeline("khepera", events), Clock())
     player.seek(1e9)
     steps = 0
     while player.watched.controlled.alive or player.watched.controlled.decision is None:
@@ -470,7 +483,7 @@ def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near(
 
 @pytest.mark.parametrize("nowhere", [float("nan"), float("inf"), -float("inf")])
 def test_seeking_to_no_moment_stays_in_the_recording(nowhere: float) -> None:
-    player = RecordingSource("khepera", a_life(3), Clock())
+    player = RecordingSource(Timeline("khepera", a_life(3)), Clock())
     player.seek(1.0)
     player.seek(nowhere)
     assert 0.0 <= player.position <= player.duration
@@ -483,7 +496,7 @@ def test_a_recording_is_marked_where_something_went_wrong() -> None:
     life[at] = json_event(CONTROLLER, "decision", a_decision(0, collided=True), 1.8)
     failed = a_state(Phase.FAILED, reason="the cable")
     life.insert(at + 1, json_event(CONTROLLER, "state", failed, 1.9))
-    player = RecordingSource("khepera", life, Clock())
+    player = RecordingSource(Timeline("khepera", life), Clock())
     assert player.moments == {
         "moments": [[1.8, "collision", "collision"], [1.9, "failure", "failure"]]
     }
@@ -523,7 +536,7 @@ def wish(**what: Any) -> str:
 
 
 def test_a_browser_plays_its_recording() -> None:
-    view = RecordingView(RecordingSource("khepera", a_life(3), Clock()))
+    view = RecordingView(RecordingSource(Timeline("khepera", a_life(3)), Clock()))
     said = talk(
         Browser(wish(do="seek", value=2.9), wish(do="toggle"), wish(do="speed", value=4.0)), view
     )

@@ -249,6 +249,7 @@ def dashboard(options: DashboardOptions) -> None:
         LiveView,
         RecordingSource,
         RecordingView,
+        Timeline,
     )
     from macor_hil.monitor.dashboard.steering import steer
     from macor_hil.monitor.roster import Roster
@@ -259,9 +260,9 @@ def dashboard(options: DashboardOptions) -> None:
         with extra("recording"):
             from macor_hil.telemetry.recordings.recording import read_recording
         name, events = read_recording(options.file)
-        shown = printable(name, 100)
+        timeline = Timeline(printable(name, 100), events)
         run(
-            lambda look: RecordingView(RecordingSource(shown, events).resumed(look)),
+            lambda look: RecordingView(RecordingSource(timeline).resumed(look)),
             options.doors,
             typer.echo,
         )

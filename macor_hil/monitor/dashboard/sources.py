@@ -2,7 +2,7 @@
 
 import time
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import deepcopy
 from math import isnan
 from typing import Any, Final, NamedTuple, Protocol, Self
@@ -173,6 +173,30 @@ def moments_of(events: Sequence[Event]) -> Iterator[Moment]:
                 yield Moment(when, MarkKind.FAILURE, "failure")
 
 
+class Timeline:
+    """A recording by the times that it is played at (`in_playing_time`), for all who play it.
+
+    Args:
+        robot: its name.
+        events: what was recorded, in its order; not empty.
+
+    Attributes:
+        robot: its name.
+        events: with those times.
+        times: seconds since the first one, of each.
+        moments: collisions and failures, for the page's slider.
+    """
+
+    def __init__(self, robot: str, events: Iterable[Event]) -> None:
+        self.robot = robot
+        self.events = list(in_playing_time(events))
+        first = self.events[0].received
+        self.times = [(event.received - first) * _NS for event in self.events]
+        found = list(moments_of(self.events))[:_MOMENTS]
+        told = [[round(each.time, 2), each.kind.value, each.words] for each in found]
+        self.moments: dict[str, Any] = {"moments": told}
+
+
 class RecordingSource:
     """A recording, at any of its moments.
 
@@ -180,8 +204,7 @@ class RecordingSource:
     was known at earlier moments is kept every so often, so that going back need not begin anew.
 
     Args:
-        robot: its name.
-        events: what was recorded, in its order; not empty.
+        timeline: the recording; others may play it, too.
         clock: seconds that playing goes by.
 
     Attributes:
@@ -189,30 +212,21 @@ class RecordingSource:
         duration: of the recording, seconds.
         playing: whether time passes.
         speed: how many times faster.
-        moments: collisions and failures, for the page's slider.
+        moments: see `Timeline`.
     """
 
-    def __init__(
-        self,
-        robot: str,
-        events: Sequence[Event],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.watched = RobotState(robot)
+    def __init__(self, timeline: Timeline, clock: Callable[[], float] = time.monotonic) -> None:
+        self.watched = RobotState(timeline.robot)
         self.playing = True
         self.speed = 1.0
-        self._events = list(in_playing_time(events))
-        first = self._events[0].received
-        found = list(moments_of(self._events))[:_MOMENTS]
-        told = [[round(each.time, 2), each.kind.value, each.words] for each in found]
-        self.moments: dict[str, Any] = {"moments": told}
-        self._times = [(event.received - first) * _NS for event in self._events]
+        self.moments = timeline.moments
+        self._events, self._times = timeline.events, timeline.times
         self.duration = self._times[-1]
         self._clock = clock
         self._polled = clock()
         self._position = 0.0
         self._taken = 0
-        self._known = {0: RobotState(robot)}
+        self._known = {0: RobotState(timeline.robot)}
         self.seek(0.0)
 
     @property
