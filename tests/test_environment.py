@@ -457,6 +457,27 @@ def test_many_take_seeds_and_a_mask_as_gymnasium_has_it() -> None:
 
 @pytest.mark.long
 @needs_numba
+def test_a_reset_of_many_is_that_of_each_alone() -> None:
+    with make_many(IDS[0]) as many, make_many(IDS[0], "sync") as alone:
+        straight, ended = np.full(3, STRAIGHT), np.zeros(3, np.bool_)
+        many.reset(seed=7)
+        alone.reset(seed=7)
+        while not ended.any():
+            _, _, *ends, _ = many.step(straight)
+            alone.step(straight)
+            ended = ends[0] | ends[1]
+        # all at once, when some would have begun anew in the next step; then one of them
+        for mask in (None, np.array([False, True, False])):
+            options = {} if mask is None else {"reset_mask": mask}
+            told = [(many.reset(options=dict(options)), alone.reset(options=dict(options)))]
+            told += [(many.step(straight), alone.step(straight)) for _ in range(2)]
+            for together, one_by_one in told:
+                assert np.array_equal(together[0], one_by_one[0])
+            assert np.array_equal(together[-1]["counters"], np.stack(one_by_one[-1]["counters"]))
+
+
+@pytest.mark.long
+@needs_numba
 @pytest.mark.parametrize(
     ("name", "actions"),
     [

@@ -102,6 +102,8 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
         ]
         self._over = np.zeros(num_envs, np.bool_)
         self._steps = np.zeros(num_envs, np.int64)
+        space = self.observation_space
+        self._pictures: Seen = np.zeros(space.shape or (), space.dtype)
 
     def reset(
         self,
@@ -128,7 +130,7 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
                 self._chances[number] = seeding.np_random(seeds[number])[0]
             self._put(number, pose)
         self._begin(mask)
-        return self._seen(np.ones(self.num_envs, np.bool_)), self._infos()
+        return self._seen(mask), self._infos()
 
     def step(self, actions: Any) -> _Step:
         """Drive one action of every robot; begin anew where the step before ended an episode.
@@ -140,7 +142,7 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
         rewards = self._act(actions, going)
         for number in np.flatnonzero(self._over).tolist():
             self._put(number, None)
-        self._begin(self._over.copy())
+        self._begin(self._over)
         self._steps[going] += 1
         terminated: Mask = self._robots.tally.collided & going
         truncated: Mask = (self._steps >= self._longest) & going
@@ -170,13 +172,14 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
             self._robots.begin(mask)
             self._steps[mask] = 0
             self._robots.tally.collided[mask] = False
+            self._over = self._over & ~mask
 
     def _seen(self, of: Mask) -> Seen:
+        """Return what all see, after a look of some of them."""
         if self._observation is Observation.PROXIMITY:
             near: Seen = self._robots.proximity.astype(np.float32)
             return near
-        space = self.observation_space
-        seen = np.empty(space.shape or (), space.dtype)
+        seen = self._pictures
 
         def see(number: int, image: NDArray[np.uint8]) -> None:
             if self._observation is Observation.MIRROR:
@@ -187,7 +190,7 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
             seen[number] = self._fields(panorama) if fields else rgb(panorama)
 
         self._robots.look(of, see)
-        return seen
+        return seen.copy()
 
     def _infos(self) -> _Infos:
         robots, everyone = self._robots, np.ones(self.num_envs, np.bool_)
