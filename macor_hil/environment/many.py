@@ -8,7 +8,7 @@ the last bit, but without a line's bytes, and on all cores. Gymnasium makes them
 A robot whose episode has ended begins the next one in the next step, whose action it ignores.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -42,9 +42,6 @@ from macor_hil.runs.trials import MAX_COMMANDS, Spread
 Seen = NDArray[Any]
 _Infos = dict[str, Any]
 _Step = tuple[Seen, Array, Mask, Mask, _Infos]
-
-_WRITING: Final = 1e-3
-"""Seconds that a write takes on a `khepera://` line without wire time."""
 
 
 class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
@@ -264,7 +261,7 @@ def _robots(port: str, count: int, workers: int | None) -> Any:
     from khepera_emulator.robot.options import UrlOptions
 
     try:
-        return Many(UrlOptions.from_url(port).setup(()), count, _WRITING, workers)
+        return Many(UrlOptions.from_url(port).setup(()), count, workers)
     except (EmulatorError, OptionError) as error:
         raise MacorError(f"{port}: {error}") from None
 
