@@ -486,6 +486,8 @@ def test_a_reset_of_many_is_that_of_each_alone() -> None:
         (IDS[1], [[0.1, 0.1]] * 2),
         (IDS[1], [[0.1, 0.1], [0.1, 0.2], [np.nan, 0.0]]),
         (IDS[1], "fast"),
+        (IDS[1], [["0.1", "0.1"]] * 3),
+        (IDS[1], [[True, False]] * 3),
     ],
 )
 def test_many_refuse_what_is_no_action_and_stand(name: str, actions: Any) -> None:
@@ -510,6 +512,11 @@ def test_many_that_cannot_be_are_told_in_a_sentence(port: str, said: str) -> Non
     message = said if is_installed() else "need Numba"
     with pytest.raises(MacorError, match=message):
         make_many(IDS[0], port=port)
+
+
+def test_many_share_no_world() -> None:
+    with pytest.raises(MacorError, match="each alone"):
+        make_many(IDS[0], port="khepera://corridor?robots=2")
 
 
 @pytest.mark.long

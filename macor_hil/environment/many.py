@@ -16,7 +16,6 @@ from gymnasium.error import InvalidAction
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from khepera_protocol.mirror import Mirror
 from numpy.typing import NDArray
 
 from macor_hil.arrays import Array, Indices, Mask
@@ -24,18 +23,16 @@ from macor_hil.commands import COMMANDS
 from macor_hil.environment.terms import (
     Observation,
     Start,
+    Views,
     WheelSpeeds,
     graded,
     one_of,
     pose_of,
-    rgb,
     shown,
-    space_of,
 )
 from macor_hil.errors import MacorError
 from macor_hil.hardware.driver import DriveSettings, duration_of, profiles_of
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
-from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.runs.trials import MAX_COMMANDS, Spread
 
@@ -84,14 +81,12 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
             raise MacorError("many robots at once are not drawn; make one alone to see it")
         self.num_envs = num_envs
         self.render_mode = None
-        self._observation = one_of(Observation, observation)
+        self._views = Views(observation, fields)
         self._start = one_of(Start, start)
-        self._fields = fields or ReceptiveFields()
         self._reinforcement = reinforcement or Reinforcement()
         self._drive = drive or DriveSettings()
         self._longest = max_episode_steps
-        self._unwrap = Unwrapper(Mirror(), PanoramaSize())
-        self.single_observation_space = space_of(self._observation, self._fields, Mirror())
+        self.single_observation_space = self._views.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._robots = _robots(port, num_envs, workers)
         self._chances: list[np.random.Generator] = [
@@ -173,18 +168,13 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
 
     def _seen(self, of: Mask) -> Seen:
         """Return what all see, after a look of some of them."""
-        if self._observation is Observation.PROXIMITY:
+        if not self._views.pictures:
             near: Seen = self._robots.proximity.astype(np.float32)
             return near
         seen = self._pictures
 
         def see(number: int, image: NDArray[np.uint8]) -> None:
-            if self._observation is Observation.MIRROR:
-                seen[number] = rgb(image)
-                return
-            panorama = self._unwrap(image)
-            fields = self._observation is Observation.FIELDS
-            seen[number] = self._fields(panorama) if fields else rgb(panorama)
+            seen[number] = self._views.of(image)
 
         self._robots.look(of, see)
         return seen.copy()
@@ -261,7 +251,10 @@ def _robots(port: str, count: int, workers: int | None) -> Any:
     from khepera_emulator.robot.options import UrlOptions
 
     try:
-        return Many(UrlOptions.from_url(port).setup(()), count, workers)
+        options = UrlOptions.from_url(port)
+        if options.robots > 1:
+            raise EmulatorError("many robots at once are each alone; leave out 'robots'")
+        return Many(options.setup(()), count, workers)
     except (EmulatorError, OptionError) as error:
         raise MacorError(f"{port}: {error}") from None
 
