@@ -40,7 +40,7 @@ class _Case(NamedTuple):
 
 
 def _many(robots: int) -> Go:
-    many = Many(Setup(load_arena("open-box"), baud=None), robots, 1e-3)
+    many = Many(Setup(load_arena("open-box"), baud=None), robots)
     for number in range(robots):
         many.put(number, number, _AT_WALL if robots == 1 else None, anywhere=True)
     speeds = np.tile([[4, -4]], (robots, 1))

@@ -457,6 +457,27 @@ def test_many_take_seeds_and_a_mask_as_gymnasium_has_it() -> None:
 
 @pytest.mark.long
 @needs_numba
+def test_a_reset_of_many_is_that_of_each_alone() -> None:
+    with make_many(IDS[0]) as many, make_many(IDS[0], "sync") as alone:
+        straight, ended = np.full(3, STRAIGHT), np.zeros(3, np.bool_)
+        many.reset(seed=7)
+        alone.reset(seed=7)
+        while not ended.any():
+            _, _, *ends, _ = many.step(straight)
+            alone.step(straight)
+            ended = ends[0] | ends[1]
+        # all at once, when some would have begun anew in the next step; then one of them
+        for mask in (None, np.array([False, True, False])):
+            options = {} if mask is None else {"reset_mask": mask}
+            told = [(many.reset(options=dict(options)), alone.reset(options=dict(options)))]
+            told += [(many.step(straight), alone.step(straight)) for _ in range(2)]
+            for together, one_by_one in told:
+                assert np.array_equal(together[0], one_by_one[0])
+            assert np.array_equal(together[-1]["counters"], np.stack(one_by_one[-1]["counters"]))
+
+
+@pytest.mark.long
+@needs_numba
 @pytest.mark.parametrize(
     ("name", "actions"),
     [
@@ -465,6 +486,8 @@ def test_many_take_seeds_and_a_mask_as_gymnasium_has_it() -> None:
         (IDS[1], [[0.1, 0.1]] * 2),
         (IDS[1], [[0.1, 0.1], [0.1, 0.2], [np.nan, 0.0]]),
         (IDS[1], "fast"),
+        (IDS[1], [["0.1", "0.1"]] * 3),
+        (IDS[1], [[True, False]] * 3),
     ],
 )
 def test_many_refuse_what_is_no_action_and_stand(name: str, actions: Any) -> None:
@@ -489,6 +512,11 @@ def test_many_that_cannot_be_are_told_in_a_sentence(port: str, said: str) -> Non
     message = said if is_installed() else "need Numba"
     with pytest.raises(MacorError, match=message):
         make_many(IDS[0], port=port)
+
+
+def test_many_share_no_world() -> None:
+    with pytest.raises(MacorError, match="each alone"):
+        make_many(IDS[0], port="khepera://corridor?robots=2")
 
 
 @pytest.mark.long

@@ -88,9 +88,9 @@ class Contact:
         arm = wheel_base / 2
         # a hull of four fifths of the mass, and two wheels
         inertia = 0.4 * mass * model.radius**2 + 0.2 * mass * arm**2
-        self.mass = mass
+        self._mass = mass
         light, turns = 1.0 / mass, 1.0 / inertia
-        self.light, self.arm, self.radius = light, arm, model.radius
+        self.light, self.arm, self._radius = light, arm, model.radius
         self.turns_arm, self.turns_radius = turns * arm, turns * model.radius
         # impulses for each m/s of slip; the same ahead as aside, so that friction opposes the slip
         self.stiff = 1.0 / (light + arm * self.turns_arm)
@@ -165,7 +165,7 @@ class Contact:
         Returns:
             The motion, how far the robot leans to the left, and how much the impulses changed.
         """
-        light, radius, mass = self.light, self.radius, self.mass
+        light, radius, mass = self.light, self._radius, self._mass
         turns_radius, rub = self.turns_radius, self.rub
         ahead, left, rate = moves
         change = lean = 0.0

@@ -12,7 +12,7 @@ import numpy as np
 from khepera_protocol.text import quoted
 from khepera_protocol.zenoh.payloads import WheelDrift
 
-from khepera_emulator.body.drawn import Drawn
+from khepera_emulator.body.drawn import Drawn, Numbers
 from khepera_emulator.errors import EmulatorError
 
 
@@ -34,6 +34,9 @@ class DriftSettings:
 
 
 DEFAULT_DRIFT: Final = "default"
+
+SLIP_BLOCK: Final = 256
+"""Control periods whose slips are drawn at once."""
 
 PRESETS: Final = MappingProxyType(
     {
@@ -81,6 +84,11 @@ def draw_drift(settings: DriftSettings, wheel_base: float, rng: np.random.Genera
     )
 
 
-def slip_sequence(rng: np.random.Generator, block: int = 256) -> Drawn:
-    """Return endless standard normal pairs, one for each control period."""
-    return Drawn(lambda: rng.standard_normal((block, 2)))
+def slips(rng: np.random.Generator, block: int = SLIP_BLOCK) -> Numbers:
+    """Draw standard normal pairs, one for each control period, shape (block, 2)."""
+    return rng.standard_normal((block, 2))
+
+
+def slip_sequence(rng: np.random.Generator, block: int = SLIP_BLOCK) -> Drawn:
+    """Return endless slips."""
+    return Drawn(lambda: slips(rng, block))

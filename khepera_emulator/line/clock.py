@@ -13,6 +13,11 @@ def on_grid(seconds: float) -> float:
     return round(seconds / GRID) * GRID
 
 
+WRITE_TIME: Final = on_grid(1e-3)
+"""Seconds that a write takes a client in this process on a line without wire time: otherwise time
+would stand still for a program that asks and waits for the answer, and asks again."""
+
+
 class Clock:
     """Seconds of simulated time since the clock was made.
 

@@ -28,15 +28,11 @@ from khepera_protocol.text import printable
 from serial import SerialBase, SerialException
 from serial.serialutil import PortNotOpenError
 
-from khepera_emulator.line.clock import on_grid
+from khepera_emulator.line.clock import WRITE_TIME, on_grid
 from khepera_emulator.line.coding import LineFormat
 
 _POLL_TIME = 1e-4
 """Seconds that asking for bytes takes when there are none, and nobody waits."""
-
-_WRITE_TIME = on_grid(1e-3)
-"""Seconds that a write takes on a line without wire time: otherwise time would stand still for a
-program that asks and waits for the answer, and asks again."""
 
 
 class Serial(SerialBase):
@@ -156,7 +152,7 @@ class Serial(SerialBase):
         data = b if type(b) is bytes else bytes(b)
         emulator = self._open_emulator()
         if emulator.uart.baud is None:
-            emulator.advance(emulator.now + _WRITE_TIME)
+            emulator.advance(emulator.now + WRITE_TIME)
         emulator.write(data)
         return len(data)
 
@@ -178,7 +174,7 @@ class Serial(SerialBase):
         from khepera_emulator.robot.compiled.watcher import Until
 
         until = Until(limit, begin, duration, patience)
-        return self._open_emulator().watch(until, _WRITE_TIME)
+        return self._open_emulator().watch(until)
 
     def flush(self) -> None:
         """Let time pass until everything written has arrived at the robot."""

@@ -162,15 +162,10 @@ class Emulator:
             self.uart.use_rate(self._next_rate)
             self._next_rate = None
 
-    def watch(self, until: Until, writing: float) -> Watched | None:
-        """Answer a client that asks for the proximity sensors again and again; see `Watcher`.
-
-        Args:
-            until: end of it.
-            writing: seconds that a client's write takes where bytes take no time.
-        """
+    def watch(self, until: Until) -> Watched | None:
+        """Answer a client that asks for the proximity sensors again and again; see `Watcher`."""
         if self._watcher is None:
-            self._watcher = Watcher(writing)
+            self._watcher = Watcher()
         return self._watcher.watch(self._robot, self._fleet, self.uart, until)
 
     def _change_rate(self, rate: int) -> None:

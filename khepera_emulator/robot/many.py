@@ -16,25 +16,21 @@ from khepera_protocol.system.compiled import is_installed, load
 from khepera_protocol.zenoh.payloads import Pose
 from numpy.typing import NDArray
 
+from khepera_emulator.body.drift import SLIP_BLOCK, slips
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.line.clock import on_grid
 from khepera_emulator.robot.compiled.layout import Arcs, Tally
-from khepera_emulator.robot.compiled.packing import Packed, line_of, stage_of
+from khepera_emulator.robot.compiled.packing import Packed, is_quick, line_of, stage_of
 from khepera_emulator.robot.emulator import Emulator
 from khepera_emulator.robot.khepera.choices import Choices
 from khepera_emulator.robot.khepera.robot import Robot
 from khepera_emulator.robot.setup import Setup
 from khepera_emulator.senses.camera import OmniCamera
+from khepera_emulator.senses.infrared import NOISE_BLOCK, scan_noises
 from khepera_emulator.senses.renderers.view import Image
 from khepera_emulator.world.free_space import check_room, random_pose
 from khepera_emulator.world.rays import Array
 
 _KERNEL: Final = "khepera_emulator.robot.compiled.steps"
-
-_SLIPS, _NOISES = 256, 64
-"""Rows that are drawn at once, as `body.drift` and `senses.infrared` do."""
-
-_SLOWEST: Final = 4800
 
 _CHUNK: Final = 32
 """Robots for which a thread of its own pays."""
@@ -52,7 +48,6 @@ class Many:
     Args:
         setup: what each is made from; its seed is that of their wheels.
         size: how many.
-        writing: seconds that a client's write takes where bytes take no time.
         workers: threads; None: as many as there are processors.
 
     Attributes:
@@ -63,29 +58,27 @@ class Many:
             than compiled functions know.
     """
 
-    def __init__(self, setup: Setup, size: int, writing: float, workers: int | None = None) -> None:
+    def __init__(self, setup: Setup, size: int, workers: int | None = None) -> None:
         _check(setup)
         self._kernel: Any = load(_KERNEL)
         self._emulator = emulator = Emulator(setup)
         world, robot = emulator.fleet.world, emulator.robot
         if not isinstance(robot, Robot):
             raise EmulatorError("many robots at once are Kheperas; make others one by one")
-        self._gap, self._inside = (
-            emulator.fleet.gap_at_start(emulator),
-            emulator.fleet.enclosure.holds,
-        )
+        self._gap = emulator.fleet.gap_at_start(emulator)
+        self._inside = emulator.fleet.enclosure.holds
         self._stage = stage_of(world.plan, robot)
         packed = Packed(robot, len(self._stage.solids))
         packed.take()
         self._new = packed.records[0].copy()
         self._robots = np.repeat(packed.records, size)
         self._walls = np.zeros((size, len(self._stage.solids), 2))
-        self._slips = np.zeros((size, 2 * _SLIPS, 2))
-        self._noises = np.zeros((size, 2 * _NOISES, 2, 8))
-        self._blocks = np.array([_SLIPS, _NOISES])
+        self._slips = np.zeros((size, 2 * SLIP_BLOCK, 2))
+        self._noises = np.zeros((size, 2 * NOISE_BLOCK, 2, 8))
+        self._blocks = np.array([SLIP_BLOCK, NOISE_BLOCK])
         self._room = np.zeros((size, 2), np.bool_)
         self._draws: dict[int, _Draws] = {}
-        self._line = line_of(emulator.uart, 0.0 if setup.baud else on_grid(writing))[0]
+        self._line = line_of(emulator.uart)
         self.tally = _tally(size)
         count = min(workers or len(os.sched_getaffinity(0)), max(1, size // _CHUNK))
         bounds = [size * k // count for k in range(count + 1)]
@@ -143,9 +136,9 @@ class Many:
         check_room(pose, self._gap, self._inside)
         draws = _Draws(*(_stream(seed, key) for key in (_SLIP, _SCANS, _CAMERA)))
         self._draws[number] = draws
-        self._slips[number, _SLIPS:] = draws.next_slips()
-        self._noises[number, _NOISES:] = draws.next_noises()
-        self._place(number, pose, _SLIPS, _NOISES)
+        self._slips[number, SLIP_BLOCK:] = slips(draws.slips)
+        self._noises[number, NOISE_BLOCK:] = scan_noises(draws.scans)
+        self._place(number, pose, SLIP_BLOCK, NOISE_BLOCK)
         return pose
 
     def move(self, number: int, pose: Pose) -> None:
@@ -231,11 +224,11 @@ class Many:
             self._robots, self._slips, self._noises, self._blocks, self._room
         ):
             return
-        slips, noises = self._room.T
-        for number in np.flatnonzero(slips).tolist():
-            self._slips[number, _SLIPS:] = self._draws[number].next_slips()
-        for number in np.flatnonzero(noises).tolist():
-            self._noises[number, _NOISES:] = self._draws[number].next_noises()
+        few_slips, few_noises = self._room.T
+        for number in np.flatnonzero(few_slips).tolist():
+            self._slips[number, SLIP_BLOCK:] = slips(self._draws[number].slips)
+        for number in np.flatnonzero(few_noises).tolist():
+            self._noises[number, NOISE_BLOCK:] = scan_noises(self._draws[number].scans)
 
     def _drawn(self, rows: slice) -> tuple[Any, ...]:
         return self._robots[rows], self._walls[rows], self._slips[rows], self._noises[rows]
@@ -251,12 +244,12 @@ class Many:
         )
         return *self._drawn(rows), self._line, self._stage, tally
 
-    def _place(self, number: int, pose: Pose, slips: int, noises: int) -> None:
+    def _place(self, number: int, pose: Pose, slip: int, noise: int) -> None:
         self._robots[number] = self._new
         robot = self._robots[number]
         robot["x"], robot["y"], robot["heading"] = place = pose.x, pose.y, pose.heading
         robot["scan"] = place
-        robot["slips"], robot["noises"] = slips, noises
+        robot["slips"], robot["noises"] = slip, noise
 
 
 class _Draws(NamedTuple):
@@ -265,13 +258,6 @@ class _Draws(NamedTuple):
     slips: np.random.Generator
     scans: np.random.Generator
     camera: np.random.Generator
-
-    def next_slips(self) -> Array:
-        return self.slips.standard_normal((_SLIPS, 2))
-
-    def next_noises(self) -> Array:
-        normal = self.scans.standard_normal((_NOISES, 8))
-        return np.stack([normal, self.scans.random((_NOISES, 8))], axis=1)
 
 
 def _stream(seed: int, key: tuple[int, ...]) -> np.random.Generator:
@@ -297,7 +283,7 @@ def _check(setup: Setup) -> None:
         "a dead man's switch": setup.dead_man is not None,
         "choices of the firmware": setup.choices not in (None, Choices()),
         "a rigid body": setup.rigid,
-        "a slow line": setup.baud is not None and setup.baud < _SLOWEST,
+        "a slow line": not is_quick(setup.baud),
     }
     found = [name for name, there in more.items() if there]
     if found:

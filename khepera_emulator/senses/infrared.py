@@ -24,6 +24,9 @@ from khepera_emulator.world.floor_plan import Scene
 from khepera_emulator.world.rays import Array
 from khepera_emulator.world.solids import Solid
 
+NOISE_BLOCK = 64
+"""Scans whose noise is drawn at once."""
+
 SCAN_PERIOD = 0.020
 """Seconds for a scan of all eight sensors; N and O return the latest one."""
 
@@ -92,7 +95,7 @@ class Infrared:
         self._scene = scene
         self._lamps = lamps
         self._ambient_rng, scans = rng.spawn(2)
-        self.noise = _noise_sequence(scans)
+        self.noise = Drawn(lambda: scan_noises(scans))
         self.sensors = sensor_ring(model)
         self.reach = model.proximity.gaps[-1] + _ROUNDING
         # the body's middle is no further than this from what a sensor can see
@@ -214,14 +217,14 @@ class Infrared:
         return tuple(min(max(int(value), 0), top) // step * step for value in values.tolist())
 
 
-def _noise_sequence(rng: np.random.Generator, block: int = 64) -> Drawn:
-    """Return endless rows, one for each scan: eight normal numbers, and eight from 0 to 1."""
+def scan_noises(rng: np.random.Generator) -> Array:
+    """Draw a block of noise, of each scan eight normal numbers and eight from 0 to 1.
 
-    def draw() -> Array:
-        normal, uniform = rng.standard_normal((block, 8)), rng.random((block, 8))
-        return np.stack([normal, uniform], axis=1)
-
-    return Drawn(draw)
+    Returns:
+        Shape (NOISE_BLOCK, 2, 8).
+    """
+    normal, uniform = rng.standard_normal((NOISE_BLOCK, 8)), rng.random((NOISE_BLOCK, 8))
+    return np.stack([normal, uniform], axis=1)
 
 
 def sensor_ring(model: Model) -> tuple[Sensor, ...]:

@@ -8,7 +8,7 @@ the last bit, but without a line's bytes, and on all cores. Gymnasium makes them
 A robot whose episode has ended begins the next one in the next step, whose action it ignores.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -16,7 +16,6 @@ from gymnasium.error import InvalidAction
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from khepera_protocol.mirror import Mirror
 from numpy.typing import NDArray
 
 from macor_hil.arrays import Array, Indices, Mask
@@ -24,27 +23,22 @@ from macor_hil.commands import COMMANDS
 from macor_hil.environment.terms import (
     Observation,
     Start,
+    Views,
     WheelSpeeds,
     graded,
     one_of,
     pose_of,
-    rgb,
     shown,
-    space_of,
 )
 from macor_hil.errors import MacorError
 from macor_hil.hardware.driver import DriveSettings, duration_of, profiles_of
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
-from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.runs.trials import MAX_COMMANDS, Spread
 
 Seen = NDArray[Any]
 _Infos = dict[str, Any]
 _Step = tuple[Seen, Array, Mask, Mask, _Infos]
-
-_WRITING: Final = 1e-3
-"""Seconds that a write takes on a `khepera://` line without wire time."""
 
 
 class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
@@ -87,14 +81,12 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
             raise MacorError("many robots at once are not drawn; make one alone to see it")
         self.num_envs = num_envs
         self.render_mode = None
-        self._observation = one_of(Observation, observation)
+        self._views = Views(observation, fields)
         self._start = one_of(Start, start)
-        self._fields = fields or ReceptiveFields()
         self._reinforcement = reinforcement or Reinforcement()
         self._drive = drive or DriveSettings()
         self._longest = max_episode_steps
-        self._unwrap = Unwrapper(Mirror(), PanoramaSize())
-        self.single_observation_space = space_of(self._observation, self._fields, Mirror())
+        self.single_observation_space = self._views.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._robots = _robots(port, num_envs, workers)
         self._chances: list[np.random.Generator] = [
@@ -102,6 +94,8 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
         ]
         self._over = np.zeros(num_envs, np.bool_)
         self._steps = np.zeros(num_envs, np.int64)
+        space = self.observation_space
+        self._pictures: Seen = np.zeros(space.shape or (), space.dtype)
 
     def reset(
         self,
@@ -128,7 +122,7 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
                 self._chances[number] = seeding.np_random(seeds[number])[0]
             self._put(number, pose)
         self._begin(mask)
-        return self._seen(np.ones(self.num_envs, np.bool_)), self._infos()
+        return self._seen(mask), self._infos()
 
     def step(self, actions: Any) -> _Step:
         """Drive one action of every robot; begin anew where the step before ended an episode.
@@ -140,7 +134,7 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
         rewards = self._act(actions, going)
         for number in np.flatnonzero(self._over).tolist():
             self._put(number, None)
-        self._begin(self._over.copy())
+        self._begin(self._over)
         self._steps[going] += 1
         terminated: Mask = self._robots.tally.collided & going
         truncated: Mask = (self._steps >= self._longest) & going
@@ -170,24 +164,20 @@ class KheperaVectorEnv(VectorEnv[Seen, Seen, Seen]):
             self._robots.begin(mask)
             self._steps[mask] = 0
             self._robots.tally.collided[mask] = False
+            self._over = self._over & ~mask
 
     def _seen(self, of: Mask) -> Seen:
-        if self._observation is Observation.PROXIMITY:
+        """Return what all see, after a look of some of them."""
+        if not self._views.pictures:
             near: Seen = self._robots.proximity.astype(np.float32)
             return near
-        space = self.observation_space
-        seen = np.empty(space.shape or (), space.dtype)
+        seen = self._pictures
 
         def see(number: int, image: NDArray[np.uint8]) -> None:
-            if self._observation is Observation.MIRROR:
-                seen[number] = rgb(image)
-                return
-            panorama = self._unwrap(image)
-            fields = self._observation is Observation.FIELDS
-            seen[number] = self._fields(panorama) if fields else rgb(panorama)
+            seen[number] = self._views.of(image)
 
         self._robots.look(of, see)
-        return seen
+        return seen.copy()
 
     def _infos(self) -> _Infos:
         robots, everyone = self._robots, np.ones(self.num_envs, np.bool_)
@@ -261,7 +251,10 @@ def _robots(port: str, count: int, workers: int | None) -> Any:
     from khepera_emulator.robot.options import UrlOptions
 
     try:
-        return Many(UrlOptions.from_url(port).setup(()), count, _WRITING, workers)
+        options = UrlOptions.from_url(port)
+        if options.robots > 1:
+            raise EmulatorError("many robots at once are each alone; leave out 'robots'")
+        return Many(options.setup(()), count, workers)
     except (EmulatorError, OptionError) as error:
         raise MacorError(f"{port}: {error}") from None
 

@@ -15,7 +15,6 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Reset
 from numpy.typing import NDArray
 
@@ -23,20 +22,19 @@ from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.environment.terms import (
     Observation,
     Start,
+    Views,
     WheelSpeeds,
     command_of,
     graded,
     one_of,
     pose_of,
     rgb,
-    space_of,
 )
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras import Frame
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver, DriveSettings, Outcome
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
-from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.mind.reinforcement import Reinforcement
 from macor_hil.runs.trials import Spread
 from macor_hil.safety.watchdog import stopped_after
@@ -80,14 +78,11 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
         render_mode: str | None = None,
     ) -> None:
         self.render_mode = render_mode
-        self._observation = one_of(Observation, observation)
+        self._views = Views(observation, fields)
         self._start = one_of(Start, start)
-        self._fields = fields or ReceptiveFields()
         self._reinforcement = reinforcement or Reinforcement()
         self._drive = drive or DriveSettings()
-        self._mirror = Mirror()
-        self._unwrap = Unwrapper(self._mirror, PanoramaSize())
-        self.observation_space = space_of(self._observation, self._fields, self._mirror)
+        self.observation_space = self._views.space
         with ExitStack() as stack:
             self._hardware = stack.enter_context(open_hardware(port, camera))
             self._hardware.robot.stop()
@@ -163,19 +158,14 @@ class KheperaEnv(gymnasium.Env[NDArray[Any], Any]):
 
     def _picture(self) -> Frame | None:
         """Take a picture, where one is to be seen."""
-        if self._observation is not Observation.PROXIMITY:
+        if self._views.pictures:
             self._frame = self._hardware.camera.grab()
         return self._frame
 
     def _seen(self, picture: Frame | None, outcome: Outcome) -> NDArray[Any]:
-        if self._observation is Observation.PROXIMITY or picture is None:
+        if not self._views.pictures or picture is None:
             return np.array(outcome.proximity, np.float32)
-        if self._observation is Observation.MIRROR:
-            return rgb(picture.image)
-        panorama = self._unwrap(picture.image)
-        if self._observation is Observation.PANORAMA:
-            return rgb(panorama)
-        return self._fields(panorama).astype(np.float32)
+        return self._views.of(picture.image)
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         info: dict[str, Any] = {

@@ -17,7 +17,7 @@ from macor_hil.commands import COMMANDS, LEFT, STRAIGHT, MotorCommand
 from macor_hil.errors import MacorError
 from macor_hil.hardware.driver import DriveSettings
 from macor_hil.mind.eyes.receptive_fields import ReceptiveFields
-from macor_hil.mind.eyes.unwrap import PanoramaSize
+from macor_hil.mind.eyes.unwrap import PanoramaSize, Unwrapper
 from macor_hil.mind.reinforcement import Reinforcement
 
 _SHOWN: Final = 60
@@ -51,8 +51,40 @@ class Start(StrEnum):
     """Near the arena's own start, as in `macor-hil trials`."""
 
 
-def space_of(kind: Observation, fields: ReceptiveFields, mirror: Mirror) -> spaces.Box:
-    """Return the space of observations of a kind."""
+class Views:
+    """Observations of a kind, made of pictures.
+
+    Args:
+        kind: name of one of `Observation`.
+        fields: the receptive fields; None: untuned ones.
+
+    Attributes:
+        pictures: whether pictures are what is observed.
+        space: of the observations.
+
+    Raises:
+        MacorError: there is no such kind.
+    """
+
+    def __init__(self, kind: str, fields: ReceptiveFields | None) -> None:
+        self._kind = one_of(Observation, kind)
+        self._fields = fields or ReceptiveFields()
+        mirror = Mirror()
+        self._unwrap = Unwrapper(mirror, PanoramaSize())
+        self.pictures = self._kind is not Observation.PROXIMITY
+        self.space = _space_of(self._kind, self._fields, mirror)
+
+    def of(self, image: NDArray[np.uint8]) -> NDArray[Any]:
+        """Return what is observed in a picture of the mirror."""
+        if self._kind is Observation.MIRROR:
+            return rgb(image)
+        panorama = self._unwrap(image)
+        if self._kind is Observation.PANORAMA:
+            return rgb(panorama)
+        return self._fields(panorama).astype(np.float32)
+
+
+def _space_of(kind: Observation, fields: ReceptiveFields, mirror: Mirror) -> spaces.Box:
     if kind is Observation.FIELDS:
         return spaces.Box(0.0, 1.0, (fields.size,), np.float32)
     if kind is Observation.PROXIMITY:
@@ -101,20 +133,14 @@ class WheelSpeeds:
         Raises:
             InvalidAction: it is not in the space.
         """
-        try:
-            given = np.asarray(action)
-        except (TypeError, ValueError):  # such as lists of several lengths
-            given = np.array(None)
-        if given.dtype.kind in "iuf":
-            with np.errstate(over="ignore"):  # infinity is out of bounds as well
-                speeds = given.astype(np.float32)
-            if self.space.contains(speeds):
-                left, right = (round(float(v) / self._unit) for v in speeds)
-                return left, right
-        top = f"{self._top:g}"
-        raise InvalidAction(
-            f"the action {shown(action)} is not two speeds from -{top} to {top} m/s"
-        )
+        counts = self._counts(action, (2,))
+        if counts is None:
+            top = f"{self._top:g}"
+            raise InvalidAction(
+                f"the action {shown(action)} is not two speeds from -{top} to {top} m/s"
+            )
+        left, right = counts.tolist()
+        return left, right
 
     def all_counts(self, actions: Any, robots: int) -> NDArray[np.int64]:
         """Return the speeds of an action of each robot, shape (robots, 2).
@@ -122,15 +148,26 @@ class WheelSpeeds:
         Raises:
             InvalidAction: one of them is not in the space.
         """
-        try:
-            speeds = np.asarray(actions, np.float32)
-        except (TypeError, ValueError):
-            speeds = np.zeros(0, np.float32)
-        if speeds.shape != (robots, 2) or not (np.abs(speeds) <= self.space.high).all():
+        counts = self._counts(actions, (robots, 2))
+        if counts is None:
             raise InvalidAction(
                 f"the actions {shown(actions)} are not {robots} times two speeds from"
                 f" -{self._top:g} to {self._top:g} m/s"
             )
+        return counts
+
+    def _counts(self, action: Any, shape: tuple[int, ...]) -> NDArray[np.int64] | None:
+        """Return speeds of a shape in counts / 10 ms; None: the action is none within bounds."""
+        try:
+            given = np.asarray(action)
+        except (TypeError, ValueError):  # such as lists of several lengths
+            return None
+        if given.dtype.kind not in "iuf" or given.shape != shape:
+            return None
+        with np.errstate(over="ignore"):  # infinity is out of bounds as well
+            speeds = given.astype(np.float32)
+        if not (np.abs(speeds) <= self.space.high).all():
+            return None
         counts: NDArray[np.int64] = np.rint(speeds.astype(float) / self._unit).astype(np.int64)
         return counts
 

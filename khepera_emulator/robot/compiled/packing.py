@@ -1,13 +1,13 @@
 """A robot as a record of numbers, and back: between its objects and compiled functions."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from khepera_emulator.body.contact import Contact, Motion
+from khepera_emulator.body.contact import Motion
 from khepera_emulator.body.motors import Mode
+from khepera_emulator.line.clock import WRITE_TIME
 from khepera_emulator.line.uart import Uart
-from khepera_emulator.models import KheperaModel
 from khepera_emulator.robot.compiled.layout import (
     DUTY,
     LINE,
@@ -20,7 +20,6 @@ from khepera_emulator.robot.compiled.layout import (
     Stage,
 )
 from khepera_emulator.robot.khepera.robot import SCAN_TICKS, Robot
-from khepera_emulator.senses.infrared import Infrared
 from khepera_emulator.world.floor_plan import FloorPlan
 from khepera_emulator.world.rays import Array
 
@@ -37,19 +36,27 @@ _CONTACT = ("arm", "turns_arm", "turns_radius", "stiff", "rub", "lean")
 
 _PROXIMITY = "proximity"
 
+_SLOWEST: Final = 4800
+"""Bits a second below which an exchange takes more control periods than are drawn ahead."""
+
 
 def stage_of(plan: FloorPlan, robot: Robot) -> Stage:
     """Return all about a robot's world that stays the same."""
-    infrared = robot.infrared
-    curves = np.array([sensor.curve for sensor in infrared.sensors])
-    return Stage(_model(robot.model, infrared, robot.chassis.pushing, robot), curves, _solids(plan))
+    curves = np.array([sensor.curve for sensor in robot.infrared.sensors])
+    return Stage(_model(robot), curves, _solids(plan))
 
 
-def line_of(uart: Uart, writing: float) -> Records:
-    """Return the times of a line; `writing`: seconds that a client's write takes."""
+def is_quick(baud: int | None) -> bool:
+    """Tell whether a line is one that compiled functions can be on; None: it takes no time."""
+    return baud is None or baud >= _SLOWEST
+
+
+def line_of(uart: Uart) -> np.void:
+    """Return the times of a line, a record."""
     line = np.zeros(1, LINE)
-    line[0] = (uart.each, uart.busy, writing)
-    return line
+    line[0] = (uart.each, uart.busy, WRITE_TIME if uart.baud is None else 0.0)
+    record: np.void = line[0]
+    return record
 
 
 class Packed:
@@ -135,7 +142,8 @@ class Packed:
         robot.infrared.noise.skip(is_["noises"])
 
 
-def _model(model: KheperaModel, infrared: Infrared, contact: Contact, robot: Robot) -> Records:
+def _model(robot: Robot) -> Records:
+    model, infrared, contact = robot.model, robot.infrared, robot.chassis.pushing
     record = np.zeros(1, MODEL)
     record["radius"], record["mass"] = model.radius, model.mass
     for name in ("light", "hold", "tolerance"):

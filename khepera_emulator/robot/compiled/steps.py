@@ -6,7 +6,7 @@ port. Arrays hold a row for each robot; robots that are not `active` are left al
 
 from typing import Any
 
-from khepera_protocol.system.compiled import compiled, part
+from khepera_protocol.system.compiled import compiled
 
 from khepera_emulator.robot.compiled.driving import run
 from khepera_emulator.robot.compiled.layout import Stage
@@ -20,7 +20,7 @@ from khepera_emulator.robot.compiled.talking import (
     set_targets,
     zero_counters,
 )
-from khepera_emulator.robot.compiled.watching import SEEN, watch
+from khepera_emulator.robot.compiled.watching import SEEN, front, watch
 
 
 @compiled
@@ -132,7 +132,7 @@ def hold_speeds(
             set_speeds(robot, mine, slip, speeds[i, 0], speeds[i, 1], line, stage)
             end = robot.now + seconds
             watch(robot, mine, slip, noises[i], line, stage, limit, 0.0, end, -1.0)
-            tally.collided[i] = _front(robot) >= limit
+            tally.collided[i] = front(robot) >= limit
             if tally.collided[i]:
                 set_speeds(robot, mine, slip, 0, 0, line, stage)
             ask_counters(robot, mine, slip, tally.counters[i], line, stage)
@@ -204,11 +204,3 @@ def make_room(robots: Any, slips: Any, noises: Any, blocks: Any, room: Any) -> b
                 noises[i, k - blocks[1]] = noises[i, k]
             robot.noises -= blocks[1]
     return anywhere
-
-
-@part
-def _front(robot: Any) -> int:
-    most = 0
-    for sensor in range(6):
-        most = max(most, robot.counts[sensor])
-    return most

@@ -6,14 +6,11 @@ from khepera_protocol.system.compiled import PlainRuns, load
 
 from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.compiled.layout import Records, Stage
-from khepera_emulator.robot.compiled.packing import Packed, line_of, stage_of
+from khepera_emulator.robot.compiled.packing import Packed, is_quick, line_of, stage_of
 from khepera_emulator.robot.fleet import Fleet
 from khepera_emulator.robot.khepera.robot import Robot
 
 _RUNS: Final = PlainRuns(400)
-
-_SLOWEST: Final = 4800
-"""Bits a second below which an exchange takes more control periods than are drawn ahead."""
 
 _AHEAD: Final = 48
 """Rows of random numbers that are ready for a watch, at least."""
@@ -58,14 +55,9 @@ class Watched(NamedTuple):
 
 
 class Watcher:
-    """Watches of the robots that an emulator makes one after the other.
+    """Watches of the robots that an emulator makes one after the other."""
 
-    Args:
-        writing: seconds that a client's write takes.
-    """
-
-    def __init__(self, writing: float) -> None:
-        self._writing = writing
+    def __init__(self) -> None:
         self._stage: Stage | None = None
         self._packed: tuple[Robot, Packed] | None = None
 
@@ -85,7 +77,7 @@ class Watcher:
             return None
         kernel = load(_KERNEL)
         packed, stage = self._pack(robot, fleet)
-        line = line_of(uart, self._writing if uart.baud is None else 0.0)[0]
+        line = line_of(uart)
         records = packed.records
         records["now"], records["power_time"] = fleet.now, fleet.power_time
         for name in ("receiver_free", "interpreter_free", "sender_free"):
@@ -129,5 +121,4 @@ def _suits(robot: Any, fleet: Fleet, uart: Uart) -> bool:
         return False
     alone = len(fleet.members) == 1 and fleet.world.dynamics is None
     plain = not robot.turrets and robot.ailments is None and robot.dead_man is None
-    quick = uart.baud is None or uart.baud >= _SLOWEST
-    return alone and plain and quick and uart.silent(fleet.now)
+    return alone and plain and is_quick(uart.baud) and uart.silent(fleet.now)

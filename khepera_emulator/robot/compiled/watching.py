@@ -6,7 +6,7 @@ the robot drives on. The plain form is the client's own loop over a `khepera://`
 
 from typing import Any
 
-from khepera_protocol.system.compiled import compiled
+from khepera_protocol.system.compiled import compiled, part
 
 from khepera_emulator.robot.compiled.layout import POSITION
 from khepera_emulator.robot.compiled.talking import ask_controllers, ask_sensors
@@ -19,6 +19,15 @@ MOST_PERIODS = 16
 
 MORE, SEEN, TOLD = 0, 1, 2
 """Ends of a watch: more numbers must be drawn; after a reply of the sensors, of the controllers."""
+
+
+@part
+def front(robot: Any) -> int:
+    """Return the highest count of the sensors at front and sides, as last read."""
+    most = 0
+    for sensor in range(_FRONT):
+        most = max(most, robot.counts[sensor])
+    return most
 
 
 @compiled
@@ -64,10 +73,7 @@ def watch(
         asked += 1
         longest = max(longest, robot.now - before)
         elapsed = robot.now - begin
-        most = 0
-        for sensor in range(_FRONT):
-            most = max(most, robot.counts[sensor])
-        if most >= limit:
+        if front(robot) >= limit:
             return SEEN, asked, longest, elapsed
         if elapsed < duration:
             continue

@@ -184,11 +184,7 @@ class GradedMemory:
 
         Those of the moment seen last are kept: an experience begins where the one before ended.
         """
-        if (
-            self._last is None
-            or self._last[0] is not moment
-            or self._last[1] is not self.situations
-        ):
+        if self._last[0] is not moment or self._last[1] is not self.situations:
             x = moment.features
             both = self.memberships(x), self.memberships(self._mirrored(x))
             self._last = moment, self.situations, both
