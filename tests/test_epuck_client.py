@@ -10,7 +10,7 @@ from emulator_process import emulator
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 from macor_hil.commands import COMMANDS, STRAIGHT
-from macor_hil.errors import RobotError
+from macor_hil.errors import LinkError, RobotError
 from macor_hil.hardware.devices import Hardware, open_hardware, robot_of
 from macor_hil.hardware.driver import Driver
 from macor_hil.hardware.khepera import Khepera
@@ -126,6 +126,16 @@ def test_a_bad_line_is_asked_again(fault: str) -> None:
                 assert not_none(hardware.bench).truth().speed == (0.0, 0.0)
         assert driven >= 7
         assert hardware.robot.meter.failures > 0
+
+
+def test_a_port_that_fails_is_a_failed_request() -> None:
+    with puck() as hardware:
+        before = hardware.robot.meter.read()
+        hardware.robot.port.close()
+        with pytest.raises(LinkError):
+            hardware.robot.counters()
+        after = hardware.robot.meter.read()
+        assert (after.exchanges, after.failures) == (before.exchanges, before.failures + 1)
 
 
 @MODELS

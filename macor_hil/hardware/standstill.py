@@ -5,8 +5,8 @@ Whatever drives does so within two nets:
 * `Driver` (driver.py): whatever is raised while wheels turn (Ctrl-C, SIGTERM, SIGHUP, an error, a
   defect) leaves its methods after the robot stands. It drives arcs to a target, at whose end a
   robot comes to rest by itself; a speed is held for a time only, while the driver looks on.
-* `Khepera` (khepera.py): stops its robot when it is closed, when nobody refers to it any more, and
-  when the interpreter ends.
+* `LineClient` (robots/client.py): stops its robot when it is closed, when nobody refers to it any
+  more, and when the interpreter ends.
 
 What is left are ways out that no program sees: SIGKILL, SIGSTOP, a pulled cable (docs/safety.md).
 """

@@ -3,9 +3,6 @@
 Nothing here waits without a limit, whatever is at the other end.
 """
 
-import time
-from collections.abc import Callable
-from contextlib import suppress
 from functools import cache, lru_cache
 from math import inf
 from pathlib import Path
@@ -19,15 +16,10 @@ from khepera_protocol.serial.framing import LINE_END
 from khepera_protocol.serial.messages import Reply, Request, parse_reply
 from khepera_protocol.serial.units import wire_time
 
-from macor_hil.errors import (
-    GarbageError,
-    LinkError,
-    RobotResetError,
-    SilenceError,
-    WrongPortError,
-)
+from macor_hil.errors import GarbageError, LinkError, SilenceError, WrongPortError
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.line.descriptors import let_pyserial_poll
+from macor_hil.hardware.line.open_line import BABBLE, PORT_ERRORS, QUIET, OpenLine, port_failed
 from macor_hil.hardware.line.stale_links import is_stale_link
 
 LONGEST_REPLY: Final = 64
@@ -37,14 +29,8 @@ PATIENCE: Final = 0.25
 """Seconds beyond the wire time that a reply may take: the interpreter, an adapter that gathers
 bytes for 16 ms, and a busy computer."""
 
-QUIET: Final = 0.05
-"""Seconds without a byte after which nothing more is taken to be on its way."""
-
 BANNER: Final = (b"ROM of minirobot", b"Serial Communication Protocol")
 """Beginnings of the lines that a Khepera says when it starts."""
-
-_BABBLE: Final = 1.0
-"""Seconds for which bytes that nobody asked for are waited out."""
 
 _LONGEST_ON_THE_WIRE: Final = 3.0
 """Seconds that a request and its reply may be on their way: at 300 baud they are all there."""
@@ -95,23 +81,8 @@ def open_port(address: str | PortAddress, baud: int = 9600) -> Any:
         raise kind(f"cannot open the serial port {url}: {error}") from None
 
 
-class Line:
-    """Requests and replies over an open port.
-
-    Attributes:
-        port: the pySerial port.
-        clock: seconds on the clock that the port lives by: virtual for `khepera://`, else real.
-        reset_seen: whether a robot's banner has come since this was last set to False.
-    """
-
-    def __init__(self, port: Any) -> None:
-        self.port = port
-        self.emulated = hasattr(port, "now")
-        self.clock: Callable[[], float] = (lambda: port.now) if self.emulated else time.monotonic
-        self.reset_seen = False
-        # one time-out for good: to change it costs a remote port a negotiation
-        if port.timeout != QUIET:
-            port.timeout = QUIET
+class Line(OpenLine):
+    """Requests and replies over an open port; see `OpenLine`."""
 
     def exchange(self, request: Request, limit: float = inf) -> Reply:
         """Send a request and wait for its reply.
@@ -126,24 +97,19 @@ class Line:
             RobotResetError: the robot's banner came instead.
             LinkError: the port failed.
         """
-        data, needed = _framed(request, self._baud)
+        data, needed = _framed(request, self.baud)
         limit = min(limit, needed)
         try:
             line = self._ask(data, limit)
-        except (OSError, serial.SerialException) as error:
-            raise _failed(data, error) from None
+        except PORT_ERRORS as error:
+            raise port_failed(data, error) from None
         if line.startswith(BANNER):
-            self.reset_seen = True
-            raise RobotResetError(
-                f"sent {data!r} and got {line!r}: the robot has started again; is its battery low?",
-                data,
-                line,
-            )
+            raise self.restarted(data, line)
         if not line.endswith(b"\n"):
             got = f"only {line!r}" if line else "nothing"
             raise SilenceError(
                 f"sent {data!r} and got {got} within {limit:.2f} s; is the robot on, and at"
-                f" {self._baud} baud?",
+                f" {self.baud} baud?",
                 data,
                 line,
             )
@@ -165,32 +131,15 @@ class Line:
         data = _SPOILER + LINE_END + data
         try:
             last = self._drain(data)
-        except (OSError, serial.SerialException) as error:
-            raise _failed(data, error) from None
+        except PORT_ERRORS as error:
+            raise port_failed(data, error) from None
         if last:
             raise GarbageError(
-                f"sent {data!r}, and bytes have not stopped coming for {_BABBLE} s, the last ones"
-                f" {last!r}; is this a Khepera's port, at {self._baud} baud?",
+                f"sent {data!r}, and bytes have not stopped coming for {BABBLE} s, the last ones"
+                f" {last!r}; is this a Khepera's port, at {self.baud} baud?",
                 data,
                 last,
             )
-
-    def pause(self, seconds: float) -> None:
-        """Let time pass on the port's clock; what comes meanwhile is dropped."""
-        end = self.clock() + seconds
-        while self.emulated and self.clock() < end:
-            self.port.read()
-        if not self.emulated:
-            time.sleep(seconds)
-
-    def close(self) -> None:
-        """Close the port, as far as it still can be."""
-        with suppress(OSError, serial.SerialException):  # a device that has gone
-            self.port.close()
-
-    @property
-    def _baud(self) -> int:
-        return int(self.port.baudrate or 9600)
 
     def _ask(self, data: bytes, limit: float) -> bytes:
         port = self.port
@@ -206,9 +155,9 @@ class Line:
     def _drain(self, data: bytes) -> bytes:
         self.port.write(data)
         start = self.clock()
-        limit = wire_time(len(data), self._baud) + PATIENCE
+        limit = wire_time(len(data), self.baud) + PATIENCE
         last, awaited = b"", data.count(b"\n")
-        while self.clock() - start <= _BABBLE:
+        while self.clock() - start <= BABBLE:
             came = self.port.read_until(b"\n", LONGEST_REPLY)
             if came:
                 last = bytes(came)
@@ -217,13 +166,6 @@ class Line:
             elif awaited <= 0 or self.clock() - start >= limit:
                 return b""
         return last
-
-
-def _failed(data: bytes, error: Exception) -> LinkError:
-    return LinkError(
-        f"sent {data!r}, then the serial port failed: {error}; is the cable in and the robot on?",
-        data,
-    )
 
 
 @lru_cache(_REMEMBERED)

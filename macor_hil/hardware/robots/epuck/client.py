@@ -5,23 +5,19 @@ says that they have arrived), infrared sensors and step counters. Whoever looks 
 looks the wheels turn on as they were told.
 """
 
-import os
-import weakref
 from collections.abc import Callable
-from contextlib import suppress
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from khepera_protocol.epuck.codes import pack, row, unpack
 from khepera_protocol.epuck.letters import wrapped
 from khepera_protocol.epuck.units import STEP
 from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 
-from macor_hil.errors import GarbageError, LinkError, RobotError, SilenceError
-from macor_hil.hardware.line.line_statistics import Meter
+from macor_hil.errors import GarbageError
+from macor_hil.hardware.robots.client import LineClient, looks_reset
 from macor_hil.hardware.robots.epuck.line import EpuckLine
 from macor_hil.hardware.robots.epuck.servo import Servo
 from macor_hil.hardware.robots.robot import WheelStatus
-from macor_hil.safety.interruption import undisturbed
 
 _COUNTS: Final = STEP / PULSE
 """Counts of the driver for a step."""
@@ -33,6 +29,7 @@ _MOST: Final = 1100
 """Steps a second that the fastest of them makes."""
 
 _STOP: Final = row(("D", pack((0, 0))))
+_STOP_AND_READ: Final = row(("D", pack((0, 0))), "E")
 
 _ORDER: Final = (5, 6, 7, 0, 1, 2, 3, 4)
 """An e-puck's sensors from the left over the front to the back right and left."""
@@ -46,15 +43,13 @@ _SATURATED: Final = 1000
 _SPEEDS, _PROXIMITY, _STEPS = slice(0, 4), slice(4, 20), slice(20, 24)
 _SIZE: Final = 24
 
-_ATTEMPTS: Final = 3
-_PAUSE: Final = 0.2
-_NEAR_ZERO, _FAR_FROM_ZERO = 25, 50
-"""Steps: a reset wheel has not got farther, and one is told from a reset wheel from here on."""
+_NEAR_ZERO: Final = 25
+"""Steps: a reset wheel has not got farther."""
 
 _Pair = tuple[int, int]
 
 
-class Epuck:
+class Epuck(LineClient[EpuckLine]):
     """An e-puck on an open serial port; use as a context, so that every way out stops it.
 
     Args:
@@ -70,11 +65,7 @@ class Epuck:
     _counted: float
 
     def __init__(self, port: Any, reopen: Callable[[], Any] | None = None) -> None:
-        self._take(EpuckLine(port))
-        self.meter = Meter()
-        self._reopen = reopen
-        self._broken = False
-        self._failures = 0
+        super().__init__(port, reopen, EpuckLine, _stand)
         self._steps = [0, 0]
         self._raw: _Pair = (0, 0)
         self._wanted: _Pair = (0, 0)
@@ -82,17 +73,6 @@ class Epuck:
         self._wheels = Servo(), Servo()
         self._steering = False
         self._looked = 0.0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def port(self) -> Any:
-        """The pySerial port; another one after a reconnection."""
-        return self._line.port
 
     def connect(self) -> tuple[str, ...]:
         """Clear the line, ask for the version, and see where the counters are.
@@ -116,42 +96,7 @@ class Epuck:
             RobotError: no stop was confirmed.
         """
         self._rest()
-        _halt(self._line)
-
-    def recover(self, patience: float) -> bool:
-        """Get the robot back: port, line, standstill, and the counters that a reset has lost.
-
-        Args:
-            patience: seconds to go on trying.
-
-        Returns:
-            Whether the robot had been reset: its way since the last `counters` is then unknown,
-            and its counters go on from those.
-
-        Raises:
-            RobotError: it did not come back.
-        """
-        deadline = self.clock() + patience
-        while True:
-            try:
-                reset = self._revive()
-            except RobotError as error:
-                self._failures += 1
-                self._broken = isinstance(error, LinkError) or self._failures % _ATTEMPTS == 0
-                if self.clock() >= deadline:
-                    raise
-                self._line.pause(_PAUSE)
-            else:
-                self._failures = 0
-                return reset
-
-    def wait(self, seconds: float) -> None:
-        """Let time pass on the port's clock."""
-        self._line.pause(seconds)
-
-    def close(self) -> None:
-        """Stop the robot as far as the line still allows, and close the port, once."""
-        self._end()
+        super().halt()
 
     def set_speed(self, left: int, right: int) -> None:
         """Hold wheel speeds, counts / 10 ms."""
@@ -224,29 +169,19 @@ class Epuck:
 
     def _exchange(self) -> bytes:
         """Send the speeds that are wanted, and take the answer in; what is lost is sent again."""
-        for attempt in range(1, _ATTEMPTS + 1):
-            try:
-                answer = self._ask()
-            except (SilenceError, GarbageError):
-                self.meter.failed()
-                if attempt == _ATTEMPTS:
-                    raise
-                self._line.clear(_STOP)  # nobody looks while it is asked again
-            else:
-                self._told = self._wanted
-                self._count(unpack(answer[_STEPS], signed=True))
-                return answer
-        raise AssertionError("unreachable")
+        # nobody looks while it is asked again
+        answer = self._repeated(lambda: self._metered(self._ask), _STOP)
+        self._told = self._wanted
+        self._count(unpack(answer[_STEPS], signed=True))
+        return answer
 
     def _ask(self) -> bytes:
-        start = self.clock()
         answer = self._line.ask(row(("D", pack(self._wanted)), "E", "N", "Q"), _SIZE)
         if unpack(answer[_SPEEDS], signed=True) != self._wanted:
             raise GarbageError(
                 f"told {self._wanted} and read back {answer[_SPEEDS]!r}", b"", answer
             )
         self._check(unpack(answer[_STEPS], signed=True))
-        self.meter.answered(self.clock() - start)
         return answer
 
     def _check(self, raw: tuple[int, ...]) -> None:
@@ -290,35 +225,15 @@ class Epuck:
         left, right = unpack(self._line.ask(row("Q"), 4), signed=True)
         return left, right
 
-    def _take(self, line: EpuckLine) -> None:
-        """Drive on a line, and answer for it that the robot stands at its end."""
-        self._line = line
-        self.clock = line.clock
-        self._end = weakref.finalize(self, _leave, line, os.getpid())
-
-    def _revive(self) -> bool:
-        if self._broken and self._reopen is not None:
-            self._line.close()
-            reset_seen = self._line.reset_seen
-            line = EpuckLine(self._reopen())
-            line.reset_seen = reset_seen
-            self._end.detach()
-            self._take(line)
-            self._broken = False
-        self.halt()
+    def _resume(self) -> bool:
         now = self._counters_of_the_robot()
-        reset = self._line.reset_seen or self._looks_reset(now)
+        reset = self._line.reset_seen or looks_reset(now, self._raw, _NEAR_ZERO)
         self._counted = self.clock()
         if reset:
             self._raw = now
         else:
             self._count(now)
-        self._line.reset_seen = False
         return reset
-
-    def _looks_reset(self, now: _Pair) -> bool:
-        """Return True if counters tell of a reset whose greeting nobody heard."""
-        return max(map(abs, now)) < _NEAR_ZERO and max(map(abs, self._raw)) > _FAR_FROM_ZERO
 
 
 def _steps_a_second(speed: int) -> int:
@@ -326,26 +241,7 @@ def _steps_a_second(speed: int) -> int:
     return max(-_TOP, min(_TOP, steps))
 
 
-def _halt(line: EpuckLine) -> None:
-    stop = row(("D", pack((0, 0))), "E")
-    for attempt in range(1, _ATTEMPTS + 1):
-        try:
-            line.clear(stop)
-            if line.ask(stop, 4) != bytes(4):
-                raise GarbageError("told to stop, and the robot has other speeds", stop)
-        except RobotError:
-            if attempt == _ATTEMPTS:
-                raise
-        else:
-            return
-
-
-def _leave(line: EpuckLine, process: int) -> None:
-    """Stop the robot on a line as far as that still can be, and close the line."""
-    if os.getpid() != process:
-        return  # a copy of the process that drives it
-    try:
-        with undisturbed(), suppress(RobotError):  # the line is gone: nothing is left to say on it
-            _halt(line)
-    finally:
-        line.close()
+def _stand(line: EpuckLine) -> None:
+    line.clear(_STOP_AND_READ)
+    if line.ask(_STOP_AND_READ, 4) != bytes(4):
+        raise GarbageError("told to stop, and the robot has other speeds", _STOP_AND_READ)
