@@ -140,17 +140,14 @@ class RecordingError(MacorError):
     """A recording cannot be written or read."""
 
 
-_REFUSED: Final = (WrongPortError, WrongRobotError, WrongPictureError)
+_NEVER: Final = (WrongPortError, WrongRobotError)
+"""Kinds of what is lost that are of no use to wait for."""
+
 _LOST: Final = (
     *(RobotError, BenchError, TelemetryLostError),
     *(CameraLostError, CameraLateError, CameraFrozenError, CameraDarkError, CameraFlatError),
     CameraSourceError,
 )
-
-
-def is_refused(error: Exception) -> bool:
-    """Return True if it is of no use to wait: a device will never fit what it is used for."""
-    return isinstance(error, _REFUSED)
 
 
 def is_lost(error: Exception) -> bool:
@@ -159,4 +156,4 @@ def is_lost(error: Exception) -> bool:
     Everything else is refused: options, files or devices that do not fit each other, and will not
     however often it is tried.
     """
-    return isinstance(error, _LOST) and not is_refused(error)
+    return isinstance(error, _LOST) and not isinstance(error, _NEVER)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from macor_hil.errors import CameraError, CameraSourceError
+from macor_hil.errors import CameraLostError, CameraSourceError
 from macor_hil.hardware.cameras.one_source import SETTLING, OneSource, Round
 
 
@@ -89,11 +89,11 @@ def test_who_answers_late_is_a_stranger_too(source: OneSource[str], clock: Clock
 
 
 def test_an_error_counts_where_it_is_the_source_s(source: OneSource[str]) -> None:
-    with pytest.raises(CameraError, match="the camera on the key answers: no"):
+    with pytest.raises(CameraLostError, match="the camera on the key answers: no"):
         source.pick(a_round(refusing=["a"]), 1.0)
     assert source.pick(a_round("a", refusing=["b"]), 1.0) == "picture of a"
     assert source.pick(a_round("a", refusing=["b"]), 1.0) == "picture of a"
-    with pytest.raises(CameraError, match="answers: no"):
+    with pytest.raises(CameraLostError, match="answers: no"):
         source.pick(a_round(refusing=["a"]), 1.0)
 
 

@@ -1,6 +1,7 @@
 """A live run that stays: it waits, backs off, learns on, and fails at once where nothing helps."""
 
 import signal
+import time
 from collections.abc import Callable
 from math import inf
 from pathlib import Path
@@ -20,6 +21,7 @@ import macor_hil.runs.recovery
 from khepera_emulator.ports.protocol_khepera import Serial
 from macor_hil.errors import (
     CameraDarkError,
+    CameraError,
     CameraLostError,
     LinkError,
     MacorError,
@@ -277,6 +279,19 @@ def test_a_camera_of_another_size_is_not_waited_for(options: RunOptions, tmp_pat
     cv2.imwrite(str(tmp_path / "0.png"), np.full((80, 80, 3), 99, np.uint8))
     with pytest.raises(WrongPictureError, match="80") as caught:
         serve(changed(options, camera=f"images:{tmp_path}"))
+    assert not is_lost(caught.value)
+
+
+@pytest.mark.parametrize("camera", ["video:none.mp4", "images:none", "eye"])
+def test_a_camera_that_never_will_be_is_not_waited_for(
+    options: RunOptions, camera: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def sleep(_: float) -> None:
+        pytest.fail("it waits")
+
+    monkeypatch.setattr(time, "sleep", sleep)
+    with pytest.raises(CameraError) as caught:
+        serve(changed(options, camera=camera))
     assert not is_lost(caught.value)
 
 

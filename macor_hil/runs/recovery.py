@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Final, TypeVar
 
-from macor_hil.errors import CameraError, MacorError, RobotError, is_refused
+from macor_hil.errors import CameraError, MacorError, RobotError, is_lost
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, is_hopeless
 from macor_hil.hardware.robots.robot import Robot
 
@@ -50,7 +50,7 @@ def _works(
     try:
         attempt()
     except (RobotError, CameraError) as error:
-        if last or (is_refused(error) and not camera.worked):
+        if last or not (is_lost(error) or camera.worked):
             raise
         return False
     return True
@@ -79,7 +79,7 @@ def wait_for(
         try:
             return attempt()
         except (RobotError, CameraError) as error:
-            if is_refused(error) or time.monotonic() >= deadline:
+            if not is_lost(error) or time.monotonic() >= deadline:
                 raise
             if str(error) != said:
                 said = str(error)

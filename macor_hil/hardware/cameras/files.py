@@ -14,13 +14,20 @@ _IMAGES: Final = (".bmp", ".jpeg", ".jpg", ".png")
 
 
 class VideoFileCamera:
-    """A video file, one picture after the other; times are those in the video."""
+    """A video file, one picture after the other; times are those in the video.
+
+    Raises:
+        CameraError: there is no such file, or OpenCV cannot read it.
+    """
 
     live = False
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._capture = open_video(name)
+        try:
+            self._capture = open_video(name)
+        except CameraLostError as error:  # a device may come; a file is there, or is named wrongly
+            raise CameraError(str(error)) from None
         self._sequence = -1
 
     def grab(self) -> Frame:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from typing import Final, Generic, TypeVar
 
-from macor_hil.errors import CameraError, CameraSourceError
+from macor_hil.errors import CameraLostError, CameraSourceError
 
 CENSUS: Final = 0.3
 """Seconds after the first answer for which others are waited for, where a source is chosen."""
@@ -98,7 +98,7 @@ class OneSource(Generic[_A]):
 
         Raises:
             CameraSourceError: another one answers instead, or several where none is chosen yet.
-            CameraError: it answers with an error.
+            CameraLostError: it answers with an error.
         """
         end = self._clock() + seconds
         if self.chosen is None:
@@ -146,8 +146,8 @@ class OneSource(Generic[_A]):
         _log.info("pictures on %s come from %s", self._place, self.chosen)
         return self._taken(answers)
 
-    def _refused(self, why: str) -> CameraError:
-        return CameraError(f"the camera on {self._place} answers: {why}")
+    def _refused(self, why: str) -> CameraLostError:
+        return CameraLostError(f"the camera on {self._place} answers: {why}")
 
     def _taken(self, answers: Round[_A]) -> _A:
         assert self.chosen is not None
