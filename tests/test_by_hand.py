@@ -12,7 +12,8 @@ from drives import MACOR_HIL, SLOW, STATUSES, WAYS_OUT, Drive
 from emulator_process import PATIENCE, free_endpoint
 from rig import RELAYED, Rig, rig
 
-from macor_hil.errors import MacorError
+from macor_hil.errors import MacorError, RobotError
+from macor_hil.hardware.robots.robot import RobotKind
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.runs.by_hand.keyboard import Key, keys_of
 from macor_hil.runs.by_hand.options import TeleopOptions
@@ -141,6 +142,19 @@ ENDS: dict[str, tuple[Callable[[Drive], None], int]] = {
     "x": (lambda drive: drive.answer(b"x"), 0),
     "Ctrl-D": (lambda drive: drive.answer(b"\x04"), 0),
 }
+
+
+def test_the_kind_of_robot_that_is_named_is_driven() -> None:
+    master, terminal = os.openpty()
+    os.write(master, b"x")
+    options = TeleopOptions(
+        port="khepera://corridor",
+        robot_kind=RobotKind.EPUCK,
+        listen=(free_endpoint(),),
+        connect=(),
+    )
+    with pytest.raises(RobotError):
+        teleop_in_process(options, terminal, lambda _: None)
 
 
 @pytest.mark.wall_clock

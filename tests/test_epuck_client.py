@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from math import degrees, hypot, pi
 
 import pytest
+import serial
 from as_type import not_none
 from emulator_process import emulator
 from khepera_protocol.zenoh.payloads import Pose, Reset
@@ -128,12 +129,16 @@ def test_a_bad_line_is_asked_again(fault: str) -> None:
         assert hardware.robot.meter.failures > 0
 
 
-def test_a_port_that_fails_is_a_failed_request() -> None:
+def test_a_port_that_fails_is_a_failed_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(_: bytes) -> int:
+        raise serial.SerialException("device reports readiness but returned no data")
+
     with puck() as hardware:
         before = hardware.robot.meter.read()
-        hardware.robot.port.close()
-        with pytest.raises(LinkError):
-            hardware.robot.counters()
+        with monkeypatch.context() as cut:
+            cut.setattr(hardware.robot.port, "write", gone)
+            with pytest.raises(LinkError, match="port failed"):
+                hardware.robot.counters()
         after = hardware.robot.meter.read()
         assert (after.exchanges, after.failures) == (before.exchanges, before.failures + 1)
 

@@ -24,7 +24,7 @@ from rich.progress import (
 
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras import Camera
-from macor_hil.hardware.devices import Hardware, open_hardware
+from macor_hil.hardware.devices import Hardware, hardware_at
 from macor_hil.hardware.line.serial_line import open_port
 from macor_hil.hardware.options import DeviceOptions, ZenohOptions
 from macor_hil.monitor.goals import goal_seen
@@ -69,16 +69,7 @@ def hardware_of(options: DeviceOptions) -> Iterator[Hardware]:
         session = None
         if options.camera_address.needs_session:
             session = stack.enter_context(session_of(options))
-        yield stack.enter_context(
-            open_hardware(
-                options.port,
-                options.camera,
-                baud=options.baud,
-                kind=options.robot_kind,
-                session=session,
-                name=options.robot,
-            )
-        )
+        yield stack.enter_context(hardware_at(options, session))
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from macor_hil.hardware.calibration.measured import CalibrationPlan, Measured, m
 from macor_hil.hardware.calibration.measuring import BenchRuler, Hands, Ruler
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, PictureLimits, limits_for
 from macor_hil.hardware.cameras.mirror_fit import draw_mirror, find_mirror
-from macor_hil.hardware.devices import robot_of
+from macor_hil.hardware.devices import robot_at
 from macor_hil.hardware.driver import Driver, DriveSettings
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.options import DeviceOptions, LineOptions, SpeedOptions, ZenohOptions
@@ -160,7 +160,7 @@ def _drive_what_is_left(options: CalibrateOptions, done: Measured) -> None:
     with (
         kept(lambda: _what_is_kept(done, total)),
         signals_taken_over() as interruption,
-        robot_of(options.address, options.baud, options.robot_kind) as robot,
+        robot_at(options) as robot,
         _bench_of(options, robot) as bench,
         progress_bar(total) as progress,
     ):

@@ -53,5 +53,4 @@ def ros2(options: RosOptions) -> None:
         if options.address.embedded:
             raise MacorError("--drive needs a robot in real time: name its --port")
         settings = options.drive_settings(options.measured().wheels)
-        line = options.address, options.baud
-        drive(session, options.robot, options.domain, frames, line, settings)
+        drive(session, options.robot, options.domain, frames, options, settings)

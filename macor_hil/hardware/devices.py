@@ -1,7 +1,7 @@
 """A robot, its camera and, where it is emulated, its bench: opened and closed together."""
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ from macor_hil.hardware.cameras import Camera
 from macor_hil.hardware.cameras.catalogue import AUTO, CameraAddress
 from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.line.serial_line import open_port
+from macor_hil.hardware.options import DeviceOptions, LineOptions
 from macor_hil.hardware.robots.epuck.client import Epuck
 from macor_hil.hardware.robots.robot import Robot, RobotKind
 from macor_hil.safety.interruption import unwind_on_signals
@@ -78,6 +79,11 @@ def robot_of(
         yield robot
 
 
+def robot_at(options: LineOptions) -> AbstractContextManager[Robot]:
+    """Open the robot that options name; see `robot_of`."""
+    return robot_of(options.address, options.baud, options.robot_kind)
+
+
 def _is_epuck(robot: Khepera) -> bool:
     """Connect to a Khepera; returns True if an e-puck has answered.
 
@@ -128,3 +134,17 @@ def open_hardware(
         elif session is not None and eyes.is_emulated:
             bench = ZenohBench(session, name)
         yield Hardware(address, robot, opened, bench)
+
+
+def hardware_at(
+    options: DeviceOptions, session: zenoh.Session | None
+) -> AbstractContextManager[Hardware]:
+    """Open the hardware that options name; see `open_hardware`."""
+    return open_hardware(
+        options.port,
+        options.camera,
+        baud=options.baud,
+        kind=options.robot_kind,
+        session=session,
+        name=options.robot,
+    )

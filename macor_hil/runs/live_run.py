@@ -42,7 +42,7 @@ from khepera_protocol.zenoh.payloads import Pose
 from macor_hil.errors import CameraError, MacorError, RobotError
 from macor_hil.hardware.cameras.camera_watch import CameraWatch
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, is_hopeless, limits_of
-from macor_hil.hardware.devices import Hardware, open_hardware
+from macor_hil.hardware.devices import Hardware, hardware_at
 from macor_hil.hardware.driver import LONGEST_WAY, Driver, DriveSettings, all_of
 from macor_hil.hardware.standstill import standing_on_failure
 from macor_hil.hardware.way_out import STUCK, drive_away
@@ -180,16 +180,7 @@ def _hardware(
     with ExitStack() as stack:
 
         def open_both() -> Hardware:
-            return stack.enter_context(
-                open_hardware(
-                    options.port,
-                    options.camera,
-                    baud=options.baud,
-                    kind=options.robot_kind,
-                    session=session,
-                    name=options.robot,
-                )
-            )
+            return stack.enter_context(hardware_at(options, session))
 
         yield wait_for(open_both, options.wait, check, reporter.missing)
 

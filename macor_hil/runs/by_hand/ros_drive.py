@@ -14,9 +14,9 @@ import zenoh
 from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE
 
 from macor_hil.errors import TelemetryError
-from macor_hil.hardware.address import PortAddress
-from macor_hil.hardware.devices import robot_of
+from macor_hil.hardware.devices import robot_at
 from macor_hil.hardware.driver import DriveSettings
+from macor_hil.hardware.options import LineOptions
 from macor_hil.hardware.robots.robot import Robot
 from macor_hil.hardware.standstill import standing_on_failure
 from macor_hil.runs.by_hand.rolling import LIMIT, Rolling
@@ -42,7 +42,7 @@ def drive(
     name: str,
     domain: int,
     frames: Frames,
-    line: tuple[PortAddress, int],
+    line: LineOptions,
     settings: DriveSettings,
 ) -> None:
     """Be a robot's node in ROS 2 until Ctrl-C; the robot stands afterwards.
@@ -52,7 +52,7 @@ def drive(
         name: the robot's name in Zenoh keys; also the namespace of the topics.
         domain: ROS_DOMAIN_ID.
         frames: names of the robot's frames.
-        line: its serial port, and the rate in bits a second.
+        line: its serial line.
         settings: how it is driven.
 
     Raises:
@@ -69,8 +69,7 @@ def drive(
             raise TelemetryError(
                 f"a controller drives {name}; end it first, or watch it without --drive"
             )
-        address, baud = line
-        robot = stack.enter_context(robot_of(address, baud))
+        robot = stack.enter_context(robot_at(line))
         node = _DrivenRobot(robot, bridge, twists, controllers, settings)
         try:
             # the inner one: the robot is stopped first

@@ -21,7 +21,7 @@ from macor_hil.commands import LONGEST_WAY
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras.camera_watch import CameraWatch
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_for
-from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.devices import hardware_at
 from macor_hil.hardware.driver import Driver, all_of
 from macor_hil.hardware.standstill import standing_on_failure
 from macor_hil.runs.by_hand.drive import Drive
@@ -83,13 +83,7 @@ def teleop(options: TeleopOptions, terminal: int, say: Callable[[str], None]) ->
         with (
             Publisher(session, options.robot) as publisher,
             _stop_key(options, session, interruption),
-            open_hardware(
-                options.port,
-                options.camera,
-                baud=options.baud,
-                session=session,
-                name=options.robot,
-            ) as hardware,
+            hardware_at(options, session) as hardware,
         ):
             if recorder:
                 _wait_until_heard(publisher, recorder)
