@@ -71,7 +71,10 @@ def test_several_experiments_take_those_settings_that_they_have() -> None:
             "nodse=30",
             "--set nodse: there is no such setting; did you mean nodes? there are nodes, ",
         ),
-        ("drive.randon=3", "did you mean drive.random? there are drive.arena, drive.drift, drive."),
+        (
+            "drive.randon=3",
+            "did you mean drive.random? there are drive.arena, drive.drift, drive.model,",
+        ),
         ("nodes.of=3", "--set nodes.of: there is no such setting; there are none below it"),
         ("nodes", "'nodes' is not NAME=VALUE"),
         ("nodes=many", "--set nodes: nodes should be a valid integer"),

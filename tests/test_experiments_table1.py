@@ -5,16 +5,19 @@ from dataclasses import replace
 from math import radians
 
 import pytest
+from khepera_emulator.robot.epuck.models import EPUCK2
 
-from macor_hil.experiments.drives.course import trial_as_json, trial_from_json
+from macor_hil.experiments.drives.course import on_course, trial_as_json, trial_from_json
 from macor_hil.experiments.drives.systems import ANTICIPATIVE, REACTIVE, SYSTEMS, Q
 from macor_hil.experiments.paper import figure5
 from macor_hil.experiments.paper.criteria import PAPER
 from macor_hil.experiments.paper.figure5 import BEGUN, FIGURE5, ROUND, STRAIGHT, usual_way, way_of
 from macor_hil.experiments.paper.placing import likeness, percentile, placing_table
-from macor_hil.experiments.paper.table1 import TABLE1, under_variant
+from macor_hil.experiments.paper.table1 import TABLE1, Settings, under_variant
 from macor_hil.experiments.report.elements import Table, Text
 from macor_hil.experiments.results.store import Result, Results
+from macor_hil.experiments.sweep.changes import with_settings
+from macor_hil.hardware.robots.epuck.client import Epuck
 from macor_hil.runs.trials import Trial
 
 SEEDS = range(1, 7)
@@ -44,8 +47,8 @@ def results_of(lengths: Mapping[str, int]) -> Results:
     }
 
 
-def first_sentence(results: Results) -> str:
-    first = TABLE1.tell(TABLE1.settings, results)[0]
+def first_sentence(results: Results, settings: Settings = TABLE1.settings) -> str:
+    first = TABLE1.tell(settings, results)[0]
     assert isinstance(first, Text)
     return first.text.partition(". ")[0]
 
@@ -88,6 +91,19 @@ def test_every_printed_row_has_its_place() -> None:
     # trials of 27 to 32 commands: 29.2 is longer than three of six
     assert table.rows[1][3:5] == ("29.2", "50")
     assert table.rows[0][4] == "0"
+
+
+def test_another_model_is_trained_and_tried() -> None:
+    (table,) = with_settings([TABLE1], ["drive.model=epuck2", "drive.baud=115200"])
+    settings = table.settings
+    with settings.drive.robot(1) as hardware:
+        assert isinstance(hardware.robot, Epuck)
+        assert hardware.robot.port.baudrate == 115_200
+    with on_course(settings.course, 1, settings.drive) as track:
+        assert track.outline().robot_radius == EPUCK2.radius
+    assert " commands of robots of the model epuck2 in the arena " in first_sentence(
+        results_of({ANTICIPATIVE: 20, Q: 12}), settings
+    )
 
 
 def test_the_first_sentence_tells_whether_the_claim_holds() -> None:

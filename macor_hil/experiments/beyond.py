@@ -85,7 +85,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     result: Result = {"outlines": {}, "trials": {}}
     for course in settings.courses:
         place = _place(course)
-        with on_course(course, seed, settings.drive.drift) as track:
+        with on_course(course, seed, settings.drive) as track:
             result["outlines"][place] = track.outline().model_dump(mode="json")
             result["trials"][place] = {
                 name: [trial_as_json(one) for one in track.drive(systems[name], seed)]

@@ -180,7 +180,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         recording = recordings.of(drive)[seed]
         old = learn_all(settings, recording) if settings.compared else {}
         places = learn_places(recording.brain, recording)
-        with on_course(Course(arena=arena), seed, drive.drift) as track:
+        with on_course(Course(arena=arena), seed, drive) as track:
             for target in settings.targets:
                 if target.arena == arena:
                     systems = _systems(settings, destination(target.goal), recording, old)

@@ -63,7 +63,8 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         systems = learn_all(settings, recordings.of(drive)[seed])
         driven = result["trials"][drift] = {}
         for other in settings.driven:
-            with on_course(settings.course, seed + _OTHER, other) as track:
+            robot = replace(drive, drift=other)
+            with on_course(settings.course, seed + _OTHER, robot) as track:
                 driven[other] = {
                     name: [trial_as_json(one) for one in track.drive(systems[name], seed)]
                     for name in SHOWN

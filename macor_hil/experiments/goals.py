@@ -67,7 +67,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     recording = recordings[seed]
     old = learn_all(settings, recording)
     fresh = learn_all(replace(settings, reinforcement=settings.goal), recording)
-    with on_course(settings.course, seed, settings.drive.drift) as track:
+    with on_course(settings.course, seed, settings.drive) as track:
         return {
             "trained for it": {n: _earned(settings, track, fresh[n], seed) for n in SHOWN},
             "after": {

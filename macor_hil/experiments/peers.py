@@ -93,7 +93,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         systems[name] = _learned(falcon, first, settings)
         nodes[name] = falcon.nodes
         took[name] = process_time() - since
-    with on_course(settings.course, seed, settings.drive.drift) as track:
+    with on_course(settings.course, seed, settings.drive) as track:
         trials = {
             name: [trial_as_json(one) for one in track.drive(system, seed)]
             for name, system in systems.items()

@@ -11,9 +11,10 @@ from khepera_protocol.zenoh.payloads import Outline, Pose, Reset
 from pydantic import AfterValidator, Field
 
 from macor_hil.errors import BenchError
+from macor_hil.experiments.drives.training_drive import Drive
 from macor_hil.hardware.bench import Bench
 from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS, LitCamera
-from macor_hil.hardware.devices import Hardware, open_hardware
+from macor_hil.hardware.devices import Hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.planners.planner import Planner
@@ -142,13 +143,13 @@ class Track:
 
 
 @contextmanager
-def on_course(course: Course, seed: int, drift: str = "default") -> Iterator[Track]:
-    """Yield the emulated robot of a seed on a course.
+def on_course(course: Course, seed: int, drive: Drive) -> Iterator[Track]:
+    """Yield the emulated robot of a seed on a course, such a robot as was trained by a drive.
 
     Raises:
         RobotError, CameraError, BenchError: the emulator cannot be used.
     """
-    with open_hardware(f"khepera://{course.arena}?seed={seed}&drift={drift}") as hardware:
+    with drive.robot(seed, course.arena) as hardware:
         if hardware.bench is None:
             raise BenchError("trials need an emulated robot")
         yield Track(course, hardware, hardware.bench)

@@ -10,6 +10,7 @@ sections' drives begin with the same random commands, which are driven once for 
 import io
 import logging
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -24,7 +25,7 @@ from macor_hil.errors import MapError
 from macor_hil.experiments.results.code_digest import digest
 from macor_hil.experiments.results.store import key_of
 from macor_hil.files import MIB, InputError, checked, read_arrays, read_bounded, write_atomically
-from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain, whereabouts
@@ -62,6 +63,10 @@ class Drive:
     """The arena of the drive."""
     drift: str = "default"
     """The spread of the robots' wheels; each seed is another robot."""
+    model: str = "khepera"
+    """Which robot: a model that comes with the emulator, or `file.py:MODEL`."""
+    baud: _Count = 9600
+    """Rate of its serial line, bits a second; an e-puck's is 115200."""
     tuning: _Count = 400
     """Commands driven first to tune the receptive fields; not recorded."""
     random: _Count = 13_000
@@ -71,13 +76,24 @@ class Drive:
     brain: MindSettings = field(default_factory=_enough_to_drive)
     """Eyes, and what selects reactively; other systems learn from the recording."""
 
-    def port(self, seed: int) -> str:
-        """Port of the robot of a seed."""
-        return f"khepera://{self.arena}?seed={seed}&drift={self.drift}"
+    def port(self, seed: int, arena: str = "") -> str:
+        """Port of the robot of a seed, in the arena of the drive or another one."""
+        place = arena or self.arena
+        return f"khepera://{place}?seed={seed}&drift={self.drift}&model={self.model}"
+
+    def robot(self, seed: int, arena: str = "") -> AbstractContextManager[Hardware]:
+        """Open the robot of a seed; see `port` and `open_hardware`."""
+        return open_hardware(self.port(seed, arena), baud=self.baud)
 
     def schedule(self, seed: int) -> Schedule:
         """Return the commands of a seed."""
         return Schedule(self.tuning, self.random, self.reactive, seed=seed)
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """Parts that are found by name, as `module:Class` or `file.py:Class`."""
+        model = (self.model,) if ":" in self.model else ()
+        return (*whereabouts(self.brain), *model)
 
     @property
     def beginning(self) -> "Drive | None":
@@ -173,7 +189,7 @@ def record(
     done, seconds = 0, 0.0
     if part and (kept := part.load()):
         brain, seen, done, seconds = kept
-    with open_hardware(drive.port(seed)) as hardware:
+    with drive.robot(seed) as hardware:
         if done:  # the time to open the port counts once
             seconds -= hardware.robot.clock()
         trainer = Trainer(
@@ -281,7 +297,7 @@ class Recordings:
     def __init__(self, folder: Path, drive: Drive) -> None:
         self.drive = drive
         self.beginnings = None if drive.beginning is None else Recordings(folder, drive.beginning)
-        self.key = key_of(drive, digest(record, [drive.arena], whereabouts(drive.brain)))
+        self.key = key_of(drive, digest(record, [drive.arena], drive.uses))
         self.folder = folder / self.key
 
     @property

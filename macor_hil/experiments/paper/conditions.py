@@ -179,7 +179,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
             shares[steps][name] = round(heeded(system, recording), 4)
         result["heeded"][condition.name] = shares
         where = _where(settings, condition)
-        with on_course(replace(settings.course, arena=drive.arena), seed, drive.drift) as track:
+        with on_course(replace(settings.course, arena=drive.arena), seed, drive) as track:
             if where not in result["straight"]:
                 result["outlines"][where] = track.outline().model_dump(mode="json")
                 straight = System(systems[FULL, ART].brain, StraightOn())
@@ -202,7 +202,7 @@ def _drive(settings: Settings, condition: Condition, files: Path) -> Drive:
     if condition.hall is not None:
         drive = replace(drive, arena=condition.hall.file(files), random=settings.own)
     if condition.path:
-        drive = PathDrive(drive.arena, drive.drift, drive.tuning, settings.own, brain=drive.brain)
+        drive = PathDrive(**vars(replace(drive, random=settings.own, reactive=0)))
     return drive
 
 

@@ -123,7 +123,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         "outlines": {},
     }
     for place, course in (("start", settings.course), ("anywhere", settings.elsewhere)):
-        with on_course(course, seed, settings.drive.drift) as track:
+        with on_course(course, seed, settings.drive) as track:
             result["outlines"][place] = track.outline().model_dump(mode="json")
             result[place] = {
                 name: [trial_as_json(t) for t in track.drive(system, seed)]

@@ -72,7 +72,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     recording = recordings[seed]
     systems = learn_all(settings, recording)
     others = learn_all(replace(settings, reinforcement=settings.variant), recording, VARIED)
-    with on_course(settings.course, seed, settings.drive.drift) as track:
+    with on_course(settings.course, seed, settings.drive) as track:
         return {
             "outline": track.outline().model_dump(mode="json"),
             "robot_hours": round(recording.robot_seconds / 3600, 4),
@@ -102,7 +102,7 @@ def trial_of_planners(settings: PlannerSettings, seed: int, recordings: Recordin
     """Drive trials of other planners on what the systems of the table have learned."""
     brain = learn_all(settings, recordings[seed])[ANTICIPATIVE].brain
     systems = {name: System(brain, make_planner(name)) for name in settings.planners}
-    with on_course(settings.course, seed, settings.drive.drift) as track:
+    with on_course(settings.course, seed, settings.drive) as track:
         return {"trials": _driven(track, systems, seed)}
 
 
@@ -204,10 +204,15 @@ def _claim(settings: Settings, results: Results) -> str:
     outcome += f" and at {at:g} alike" if usual == other else f" and {other} at {at:g}"
     return (
         f"The table's claim, {ANTICIPATIVE} over {Q} over {REACTIVE}, {outcome},"
-        f" in {len(results)} trainings of {drive.random + drive.reactive:,} commands in the arena"
-        f" {drive.arena}, with {settings.nodes} nodes and vigilance {settings.vigilance:g}."
+        f" in {len(results)} trainings of {drive.random + drive.reactive:,} commands{_of_robots(drive)} in"
+        f" the arena {drive.arena}, with {settings.nodes} nodes and vigilance {settings.vigilance:g}."
         f"{too_few(len(results))}"
     )
+
+
+def _of_robots(drive: Drive) -> str:
+    """Return which robots, if they are not the paper's."""
+    return "" if drive.model == Drive.model else f" of robots of the model {drive.model}"
 
 
 def _held(results: Results) -> str:

@@ -87,7 +87,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         recording = recordings.of(replace(settings.drive, arena=arena))[seed]
         course = replace(settings.course, arena=arena)
         systems = _systems(settings, recording, seed)
-        condition = drive_all(systems, course, seed, settings.drive.drift)
+        condition = drive_all(systems, course, seed, settings.drive)
         driven.append({"arena": place.name, "look": place.look} | condition)
     return {"driven": driven}
 

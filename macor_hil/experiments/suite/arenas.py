@@ -201,7 +201,7 @@ def _driven(
 ) -> Result:
     course = replace(settings.course, arena=place.file(files), light=light)
     where = {"trained": trained, "arena": place.name, "look": place.look, "light": light}
-    return where | drive_all(systems, course, seed, settings.drive.drift)
+    return where | drive_all(systems, course, seed, settings.drive)
 
 
 Conditions = list[tuple[int, Result]]

@@ -13,6 +13,7 @@ from macor_hil.experiments.drives.course import (
     trial_as_json,
     trial_from_json,
 )
+from macor_hil.experiments.drives.training_drive import Drive
 from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import Estimate, estimate, mean
 from macor_hil.experiments.results.store import Result
@@ -26,13 +27,13 @@ HOW_TO_READ: Final = (
 )
 
 
-def drive_all(systems: Mapping[str, System], course: Course, seed: int, drift: str) -> Result:
+def drive_all(systems: Mapping[str, System], course: Course, seed: int, drive: Drive) -> Result:
     """Drive the trials of all systems, from the same places, and tell what is possible from there.
 
     Raises:
         RobotError, CameraError, BenchError: the emulator cannot be used.
     """
-    with on_course(course, seed, drift) as track:
+    with on_course(course, seed, drive) as track:
         trials = {name: track.drive(system, seed) for name, system in systems.items()}
         possible = track.possible(next(iter(trials.values())))
         outline = track.outline().model_dump(mode="json")

@@ -20,8 +20,8 @@ from macor_hil.files import write_atomically
 _TITLE: Final = "MACOR with Fuzzy ART, reproduced"
 _SCOPE: Final = (
     'The experiments of "Integration of a Fuzzy ART Approach in a Biologically Inspired'
-    ' Sensorimotor Architecture" on an emulated Khepera robot, over its serial protocol and from'
-    " the pictures of its omnidirectional camera. One training seed is one independent sample;"
+    ' Sensorimotor Architecture" on emulated robots, over their serial protocol and from'
+    " the pictures of an omnidirectional camera. One training seed is one independent sample;"
     " intervals are 95 % bootstrap intervals over seeds."
 )
 

@@ -39,7 +39,8 @@ class Part:
 
     def __init__(self, experiment: Experiment, settings: Any, out: Path) -> None:
         recordings = Recordings(out / "recordings", settings.drive)
-        uses = whereabouts(settings.drive.brain, getattr(settings, "planners", ()))
+        drive, planners = settings.drive, getattr(settings, "planners", ())
+        uses = (*drive.uses, *whereabouts(drive.brain, planners))
         code = digest(experiment.trial, {settings.drive.arena, *settings.arenas}, uses)
         self._drives = experiment.drives
         self._file = ResultsFile(out / "results", experiment.kept_as, settings, code)

@@ -69,7 +69,7 @@ def with_competence(system: System, competence: Competence) -> System:
 
 def _trials(course: Course, system: System, seed: int, settings: Settings) -> list[list[Any]]:
     """Return commands, collision and reinforcement of every trial."""
-    with on_course(course, seed, settings.drive.drift) as track:
+    with on_course(course, seed, settings.drive) as track:
         return [
             [one.length, one.collided, round(one.total, 4)] for one in track.drive(system, seed)
         ]
