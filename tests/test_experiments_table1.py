@@ -5,8 +5,8 @@ from dataclasses import replace
 from math import radians
 
 import pytest
-from khepera_emulator.robot.epuck.models import EPUCK2
 
+from khepera_emulator.robot.epuck.models import EPUCK2
 from macor_hil.experiments.drives.course import on_course, trial_as_json, trial_from_json
 from macor_hil.experiments.drives.systems import ANTICIPATIVE, REACTIVE, SYSTEMS, Q
 from macor_hil.experiments.paper import figure5

@@ -204,8 +204,9 @@ def _claim(settings: Settings, results: Results) -> str:
     outcome += f" and at {at:g} alike" if usual == other else f" and {other} at {at:g}"
     return (
         f"The table's claim, {ANTICIPATIVE} over {Q} over {REACTIVE}, {outcome},"
-        f" in {len(results)} trainings of {drive.random + drive.reactive:,} commands{_of_robots(drive)} in"
-        f" the arena {drive.arena}, with {settings.nodes} nodes and vigilance {settings.vigilance:g}."
+        f" in {len(results)} trainings of {drive.random + drive.reactive:,}"
+        f" commands{_of_robots(drive)} in the arena {drive.arena},"
+        f" with {settings.nodes} nodes and vigilance {settings.vigilance:g}."
         f"{too_few(len(results))}"
     )
 
