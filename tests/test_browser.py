@@ -141,7 +141,7 @@ return data.some((value) => value > 0);
 
 BROKEN = """
 from macor_hil.monitor.dashboard.drawings import charts
-def infrared(readings):
+def infrared(form, readings):
     raise ZeroDivisionError("a defect")
 charts.infrared = infrared
 from macor_hil.cli import main

@@ -68,7 +68,8 @@ def test_readings_counters_speeds_and_lamps_are_known_from_the_line() -> None:
     assert line.ambient is not None
     assert line.ambient.values[0] == 500
     assert (line.counters, line.speed, line.wanted) == ((262, -263), (4, 5), (4, 5))
-    assert line.leds == [True, False]
+    # a toggle of a lamp of which nothing is known tells nothing
+    assert line.lamps == {"lateral": True}
     assert (line.asked, line.driven) == (7.0, 7.0)
     # another way of driving: the speeds are no more those that D has set
     line.take(passed(("request", "C,100,100\n"), ("reply", "c\r\n"), first=14), 8.0)
@@ -79,7 +80,7 @@ def test_a_refused_request_teaches_nothing() -> None:
     line = LineState()
     line.take(passed(("request", "L,0,7\n"), ("reply", "z,Protocol error\r\n")), 1.0)
     assert rows_of(line) == [("L,0,7", "z,Protocol error", 1)]
-    assert line.leds == [None, None]
+    assert line.lamps == {}
 
 
 def test_a_request_without_an_answer_does_not_take_the_next_ones() -> None:

@@ -27,6 +27,7 @@ from controller_helpers import (
     wait_until_watched,
     watching,
 )
+from khepera_protocol.serial.units import battery_volts
 from khepera_protocol.zenoh.controller_payloads import Link, Odometry, Phase
 from khepera_protocol.zenoh.keys import CONTROLLER, DECISION, EMULATOR, FRAME
 from khepera_protocol.zenoh.payloads import Outline, Pose, Wire, WireEntry
@@ -36,6 +37,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from watching_helpers import BEGIN, a_life, json_event, picture_event, truth
 
 from macor_hil.errors import TelemetryError
+from macor_hil.hardware.robots.khepera.form import KHEPERA
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Event, Presence
 from macor_hil.telemetry.ros2 import messages, moving, sensing, telling, topics
@@ -192,12 +194,12 @@ def test_an_unknown_command_is_named() -> None:
 
 def test_infrared_sensors_are_ranges_and_a_scan() -> None:
     readings = (0, 12, 1023, 449, 0, 0, 0, 55)
-    ranges = [decode(each) for each in sensing.ranges(readings, NOW, FRAMES)]
+    ranges = [decode(each) for each in sensing.ranges(readings, KHEPERA, NOW, FRAMES)]
     assert [each.header.frame_id for each in ranges] == [f"a/ir{k}" for k in range(8)]
     seen = [inf, 0.041, 0.015, 0.025, inf, inf, inf, 0.035]
     assert [each.range for each in ranges] == pytest.approx(seen)
     assert {each.radiation_type for each in ranges} == {1}
-    scan = decode(sensing.scan(readings, NOW, FRAMES))
+    scan = decode(sensing.scan(readings, KHEPERA, KHEPERA.radius, NOW, FRAMES))
     beams = {
         round(degrees(scan.angle_min + k * scan.angle_increment)): reach - 0.0275
         for k, reach in enumerate(scan.ranges)
@@ -209,7 +211,7 @@ def test_infrared_sensors_are_ranges_and_a_scan() -> None:
 
 
 def test_a_battery_is_its_voltage() -> None:
-    message = decode(sensing.battery(600, NOW, FRAMES))
+    message = decode(sensing.battery(battery_volts(600), KHEPERA, NOW, FRAMES))
     assert message.voltage == pytest.approx(4.8)
     assert isnan(message.percentage)
 
@@ -221,7 +223,9 @@ def test_a_mirror_has_no_pinhole() -> None:
 
 def test_the_tree_of_frames_leads_from_the_arena_to_each_sensor() -> None:
     origin, odometer = at(1.0, 0.0, pi / 2).pose, at(0.5, 0.0, 0.0).pose
-    tree = decode(moving.transforms(origin, odometer, NOW, FRAMES)).transforms
+    tree = decode(
+        moving.transforms(origin, odometer, KHEPERA, KHEPERA.radius, NOW, FRAMES)
+    ).transforms
     parents = {each.child_frame_id: each.header.frame_id for each in tree}
     assert parents["a/odom"] == "map"
     assert parents["a/base_link"] == "a/odom"

@@ -23,9 +23,9 @@ from watching_helpers import BEGIN, a_life, json_event, truth
 from websockets.sync.client import ClientConnection, connect
 
 from macor_hil.cli.program import app
+from macor_hil.hardware.robots.khepera.form import KHEPERA
 from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Event, Presence
-from macor_hil.telemetry.viewers.distances import distance
 from macor_hil.telemetry.viewers.frames import HERE, Whereabouts, arc, seen_from, turned_round
 from macor_hil.telemetry.viewers.layout import layout
 from macor_hil.telemetry.viewers.topics import Told, Topics
@@ -81,11 +81,11 @@ def test_what_odometry_lacks_moves_its_frame_and_not_the_robot() -> None:
     [(0, None), (2, None), (3, 0.043), (449, 0.025), (1023, 0.015), (2000, 0.015)],
 )
 def test_a_reading_is_a_distance(reading: int, metres: float | None) -> None:
-    assert distance(reading) == metres
+    assert KHEPERA.distance(reading) == metres
 
 
 def test_readings_and_distances_are_in_one_order() -> None:
-    seen = [distance(reading) or 1.0 for reading in range(1024)]
+    seen = [KHEPERA.distance(reading) or 1.0 for reading in range(1024)]
     assert all(a >= b for a, b in pairwise(seen))
 
 
@@ -93,7 +93,7 @@ def test_pieces_on_the_line_are_put_together_each_way_on_its_own() -> None:
     pieces = [("request", "N"), ("reply", "h,1"), ("request", "\nH\nD,"), ("fault", "drop")]
     pieces += [("reply", ",2\r\n"), ("request", "0,0\n"), ("reply", "x" * 10_000)]
     entries = [WireEntry(time=0.0, what=what, text=text[:4000]) for what, text in pieces]
-    said = [tuple(line) for line in WireLines().take(Wire(first=0, entries=entries))]
+    said = [(each.what, each.text) for each in WireLines().take(Wire(first=0, entries=entries))]
     assert said == [
         ("request", "N"),
         ("request", "H"),

@@ -33,8 +33,8 @@ from khepera_protocol.zenoh.keys import (
     WIRE,
     Key,
 )
-from khepera_protocol.zenoh.payload_model import Payload
-from khepera_protocol.zenoh.payloads import CameraQuery, FaultSwitch, Outline, Push, Reset
+from khepera_protocol.zenoh.payload_model import MOST_NAME, Payload
+from khepera_protocol.zenoh.payloads import CameraQuery, FaultSwitch, Outline, Push, Reset, Wire
 from khepera_protocol.zenoh.sample import Content, SamplePublisher, SampleWriter, json_content
 from khepera_protocol.zenoh.session import open_session
 from pydantic import ValidationError
@@ -121,7 +121,7 @@ class SideChannel:
                 **_ANSWERS,
                 ARENA: lambda emulator, _: outlines.now(emulator),
                 PUSH: lambda emulator, request: outlines.push(emulator, request),
-                WIRE: lambda _, __: _json(self.tap.since(0)),
+                WIRE: lambda emulator, _: _wire(emulator, self.tap.since(0)),
             }
             streams: dict[Key, tuple[float, Callable[[Emulator], Content | None]]] = {
                 CAMERA: (camera_rate, lambda emulator: _camera(emulator, _JPEG_FRAME)),
@@ -374,15 +374,21 @@ class _Outlines:
         return _json(outline.model_copy(update={"world": self._world}))
 
 
+def _wire(emulator: Emulator, passed: Wire) -> Content:
+    """Return what passed on a line, and how it is to be read."""
+    kind, dialect = emulator.setup.model.kind[:MOST_NAME], emulator.uart.dialect.name
+    return _json(passed.model_copy(update={"robot_kind": kind, "dialect": dialect}))
+
+
 def _fresh_entries(tap: WireTap) -> Callable[[Emulator], Content | None]:
     """Return a function that tells the entries of the line since its last call; None for none."""
     told = 0
 
-    def fresh(_: Emulator) -> Content | None:
+    def fresh(emulator: Emulator) -> Content | None:
         nonlocal told
         if tap.count == told:
             return None
-        content = _json(tap.since(told))
+        content = _wire(emulator, tap.since(told))
         told = tap.count
         return content
 

@@ -47,6 +47,7 @@ class Dialect:
         send_limit: bytes of replies that wait for the line; a whole reply that does not fit is
             lost.
         serial: whether clients set a rate; a network's is its own.
+        name: tells ways of speaking of one kind of robots apart; empty: there is one.
     """
 
     splitter: Callable[[], Splitter]
@@ -57,6 +58,7 @@ class Dialect:
     receive_limit: int
     send_limit: int
     serial: bool = True
+    name: str = ""
 
     def character(self, rate: int) -> float:
         """Return the seconds of a character at a rate: start bit, 8 data bits, stop bits."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from khepera_protocol.zenoh.payload_model import MOST_TITLE
+from khepera_protocol.zenoh.payload_model import MOST_NAME, MOST_TITLE
 from khepera_protocol.zenoh.payloads import MOST_SOLIDS, Outline, Solid
 
 from khepera_emulator.arenas.arena import Arena
@@ -41,5 +41,7 @@ def outline(arena: Arena, model: Model, places: Iterable[Disc | Brick] | None = 
         solids=solids,
         start=pose_of(arena.start),
         robot_radius=model.radius,
+        robot_kind=model.kind[:MOST_NAME],
+        robot_model=model.name[:MOST_NAME],
         things=len(things) if len(solids) == len(walls) + len(posts) + len(things) else 0,
     )

@@ -17,6 +17,7 @@ from macor_hil.cli.common import Bar, extra, hardware_of, progress_bar, shown
 from macor_hil.cli.ending import kept
 from macor_hil.cli.paths import check_file
 from macor_hil.errors import MapError
+from macor_hil.hardware.robots.robot import RobotKind
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import build_brain, own_code
 from macor_hil.mind.map_file import save_map
@@ -68,7 +69,7 @@ def train_map_of(options: TrainOptions, mind: MindOptions) -> None:
         signals_taken_over() as interruption,
         hardware_of(options) as hardware,
         progress_bar(schedule.commands) as bar,
-        shown(hardware, options, partial(_training_of, options)) as show,
+        shown(hardware, options, partial(_training_of, options, hardware.robot.kind)) as show,
     ):
         if options.restart:
             checkpoint_path(map_file).unlink(missing_ok=True)
@@ -82,7 +83,7 @@ def train_map_of(options: TrainOptions, mind: MindOptions) -> None:
     _report(map_file, brain, schedule.commands)
 
 
-def _training_of(options: TrainOptions, done: int) -> State:
+def _training_of(options: TrainOptions, kind: RobotKind, done: int) -> State:
     """Return the state of a training after so many commands, for those who watch."""
     return State(
         phase=Phase.TRAINING,
@@ -92,6 +93,7 @@ def _training_of(options: TrainOptions, done: int) -> State:
         map=str(options.map_file)[:MOST_TEXT],
         driven=done,
         limit=options.schedule.commands,
+        robot_kind=kind.value,
     )
 
 

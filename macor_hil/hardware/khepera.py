@@ -10,11 +10,12 @@ from functools import partial
 from typing import Any, Final
 
 from khepera_protocol.serial.messages import Reply, build_request
+from khepera_protocol.serial.units import battery_volts
 
 from macor_hil.errors import GarbageError, SilenceError
 from macor_hil.hardware.line.serial_line import LONGEST_REPLY, Line, open_port
 from macor_hil.hardware.robots.client import LineClient, looks_reset
-from macor_hil.hardware.robots.robot import FRONT_SENSORS, Look, WheelStatus, looked
+from macor_hil.hardware.robots.robot import FRONT_SENSORS, Look, RobotKind, WheelStatus, looked
 
 __all__ = ["LONGEST_REPLY", "Khepera", "WheelStatus", "open_port"]
 
@@ -51,6 +52,7 @@ class Khepera(LineClient[Line]):
         meter: counts requests and times their round trips on that clock.
     """
 
+    kind = RobotKind.KHEPERA
     top_speed = 127
 
     def __init__(self, port: Any, reopen: Callable[[], Any] | None = None) -> None:
@@ -179,10 +181,10 @@ class Khepera(LineClient[Line]):
             self.meter.watched(found.exchanges, self.clock() - start, found.longest)
         return found
 
-    def battery(self) -> int:
-        """Return half of the battery's voltage, in counts of 4 mV."""
+    def battery(self) -> float:
+        """Return the battery's voltage."""
         (counts,) = self.request("I", 0).values
-        return counts
+        return battery_volts(counts)
 
 
 def _stand(line: Line) -> None:

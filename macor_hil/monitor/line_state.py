@@ -5,34 +5,22 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final, NamedTuple
 
-from khepera_protocol.serial.commands import COMMANDS
-from khepera_protocol.serial.errors import ReplyError, RequestError
-from khepera_protocol.serial.messages import (
-    COMMAND_NOT_FOUND,
-    Reply,
-    Request,
-    parse_reply,
-    parse_request,
-)
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.payloads import Wire, WireEntry
+from khepera_protocol.zenoh.payloads import Wire
 
-DRIVES: Final = frozenset("CDP")
-"""Letters of requests that turn the wheels."""
-
-_POLLS: Final = frozenset("BEHIKNOR")
-"""Letters of requests that only ask: repeated ones are told once, with their number."""
+from macor_hil.hardware.robots.form import REPLY, REQUEST, Listener, Passed, Reading
+from macor_hil.hardware.robots.forms import form_of
 
 _ROWS: Final = 60
-_WAITING: Final = 16
-"""Requests that wait for their replies at most."""
+_MORE: Final = " / "
+"""Between the lines of a reply."""
 
-_LONGEST: Final = 200
-"""Characters of a line; the rest of a longer one is left out."""
+_LONGEST: Final = 1000
+"""Characters of a reply of many lines that are kept."""
 
 
 class Readings(NamedTuple):
-    """Eight infrared readings, in the order of N's reply, and when they came (the watcher's clock).
+    """Eight readings, and when they came (the watcher's clock).
 
     `when` is minus infinity where they were told of an earlier time.
     """
@@ -46,7 +34,7 @@ class Exchange:
     """A request and its reply; or, where `request` is empty, another event of the line.
 
     Attributes:
-        request, reply: lines without their ends, fit for a terminal; a reply may be missing.
+        request, reply: as they are shown, fit for a terminal; a reply may be missing.
         time: when the request passed, seconds on the robot's clock.
         taken: seconds from request to reply; None while there is none.
         count: how many of the same request there were, this being the latest.
@@ -65,11 +53,13 @@ class LineState:
     Attributes:
         rows: the latest exchanges and events, oldest first; polls between two others are one row.
         version: another number whenever something has passed.
-        proximity, ambient: the latest readings of N and O, or None.
-        counters, speed: of both wheels, as H and E told them last; None: they did not.
-        wanted: the speeds that D asked for last, in the units of D; None: none, or since another
-            request that drives.
-        leds: the lateral and the frontal lamp, as far as requests told; None: unknown.
+        proximity: the latest infrared readings, in the driver's order and scale, or None.
+        ambient: the latest readings of ambient light, as they were told, or None.
+        counters, speed: of both wheels, as they were told last; None: they were not.
+        wanted: the speeds that were asked for last, in the robot's units; None: none, or since
+            another request that drives.
+        lamps: those of which requests told whether they shine.
+        battery: volts; None: nobody asked.
         asked, driven: when a request came, and one that drives, on the watcher's clock; None:
             never.
     """
@@ -82,12 +72,13 @@ class LineState:
         self.counters: tuple[int, ...] | None = None
         self.speed: tuple[int, ...] | None = None
         self.wanted: tuple[int, ...] | None = None
-        self.leds: list[bool | None] = [None, None]
+        self.lamps: dict[str, bool] = {}
+        self.battery: float | None = None
         self.asked: float | None = None
         self.driven: float | None = None
         self._next: int | None = None
-        self._waiting: deque[tuple[bytes, float]] = deque(maxlen=_WAITING)
-        self._halves = {"request": b"", "reply": b""}
+        self._listener: Listener | None = None
+        self._spoken = ("", "")
         self._polled: dict[str, Exchange] = {}
 
     def take(self, wire: Wire, now: float | None) -> None:
@@ -97,108 +88,81 @@ class LineState:
             wire: it; what was told before is left out.
             now: the watcher's time; None: it passed some time ago.
         """
+        spoken = wire.robot_kind, wire.dialect
+        if self._listener is None or spoken != self._spoken:
+            self._spoken = spoken
+            self._listener = form_of(wire.robot_kind).listener(wire.dialect)
         if self._next is not None and wire.first > self._next:
             self._lose(wire.first - self._next)
         known = max(0, (self._next or 0) - wire.first)
         for entry in wire.entries[known:]:
-            self._pass(entry, now)
+            for passed in self._listener.take(entry):
+                self._pass(passed, now)
         self._next = max(self._next or 0, wire.first + len(wire.entries))
         self.version += 1
 
-    def _pass(self, entry: WireEntry, now: float | None) -> None:
-        if entry.what in self._halves:
-            for line in self._lines(entry):
-                if entry.what == "request":
-                    self._request(line, entry.time, now)
-                else:
-                    self._reply(line, entry.time, now)
+    def _pass(self, passed: Passed, now: float | None) -> None:
+        if passed.what == REQUEST:
+            self._request(passed, now)
+        elif passed.what == REPLY:
+            self._reply(passed)
         else:
-            self._tell(Exchange("", printable(f"{entry.what} {entry.text}".strip()), entry.time))
+            text = f"{passed.what} {passed.text}".strip()
+            self._tell(Exchange("", printable(text), passed.time))
+        self._note(passed.reading, -inf if now is None else now)
 
-    def _lines(self, entry: WireEntry) -> list[bytes]:
-        """Return the lines that an entry ends; what it begins waits for the next one."""
-        data = self._halves[entry.what] + entry.text.encode("latin-1", "replace")
-        *lines, rest = data.replace(b"\r", b"\n").split(b"\n")
-        self._halves[entry.what] = rest[:_LONGEST]
-        return [line for line in lines if line]
-
-    def _request(self, line: bytes, time: float, now: float | None) -> None:
-        self._waiting.append((line, time))
+    def _request(self, passed: Passed, now: float | None) -> None:
         self.asked = now if now is not None else self.asked
-        letter = line[:1].decode("latin-1")
-        if letter in DRIVES and line[1:2] == b",":
+        if passed.drives:
             self.driven = now if now is not None else self.driven
             self.wanted = None
-        row = Exchange(printable(line, _LONGEST), "", time)
-        if letter in _POLLS:
-            last = self._polled.get(row.request)
-            if last is not None:
-                last.count, last.time, last.taken = last.count + 1, time, None
-                return
-            self._polled[row.request] = row
-            self.rows.append(row)
-        else:
+        row = Exchange(passed.text, "", passed.time)
+        if not passed.asks:
             self._tell(row)
-
-    def _reply(self, line: bytes, time: float, now: float | None) -> None:
-        asked = next((each for each in self._waiting if _answers(line, each[0])), None)
-        text = printable(line, _LONGEST)
-        if asked is None:
-            self._tell(Exchange("", text, time))
             return
-        while self._waiting.popleft() is not asked:
-            pass  # those before it got no answer
-        request = printable(asked[0], _LONGEST)
+        last = self._polled.get(passed.text)
+        if last is not None:
+            last.count, last.time, last.taken = last.count + 1, passed.time, None
+            return
+        self._polled[passed.text] = row
+        self.rows.append(row)
+
+    def _reply(self, passed: Passed) -> None:
+        rows = (each for each in reversed(self.rows) if each.request)
         row = next(
-            (r for r in reversed(self.rows) if r.request == request and r.taken is None), None
+            (
+                each
+                for each in rows
+                if each.request == passed.answers and (each.taken is None) != passed.more
+            ),
+            None,
         )
-        if row is not None:
-            row.reply, row.taken = text, time - row.time
-        self._learn(asked[0], line, now)
+        if row is None and not passed.answers:
+            self._tell(Exchange("", passed.text, passed.time))
+        elif row is not None and passed.more:
+            row.reply = f"{row.reply}{_MORE}{passed.text}"[:_LONGEST]
+        elif row is not None:
+            row.reply, row.taken = passed.text, passed.time - row.time
 
-    def _learn(self, asked: bytes, line: bytes, now: float | None) -> None:
-        try:
-            request = parse_request(asked)
-            if not isinstance(request, Request):
-                return
-            reply = parse_reply(request, line)
-        except (RequestError, ReplyError):
-            return
-        self._note(request, reply, -inf if now is None else now)
-
-    def _note(self, request: Request, reply: Reply, when: float) -> None:
-        match request.letter:
-            case "N":
-                self.proximity = Readings(reply.values, when)
-            case "O":
-                self.ambient = Readings(reply.values, when)
-            case "H":
-                self.counters = reply.values
-            case "E":
-                self.speed = reply.values
-            case "D":
-                self.wanted = request.arguments
-            case "L":
-                lamp, action = request.arguments
-                before = self.leds[lamp]
-                self.leds[lamp] = (before is False) if action == 2 else bool(action)
+    def _note(self, reading: Reading, when: float) -> None:
+        """Take in what is told; what is not told stays as it was."""
+        if reading.proximity is not None:
+            self.proximity = Readings(reading.proximity, when)
+        if reading.ambient is not None:
+            self.ambient = Readings(reading.ambient, when)
+        self.counters = reading.counters or self.counters
+        self.speed = reading.speed or self.speed
+        self.wanted = reading.wanted or self.wanted
+        self.lamps.update(reading.lamps)
+        self.battery = self.battery if reading.battery is None else reading.battery
 
     def _tell(self, row: Exchange) -> None:
         self._polled.clear()
         self.rows.append(row)
 
     def _lose(self, count: int) -> None:
-        """Forget halves of lines: what would have made them whole did not come."""
-        self._waiting.clear()
-        self._halves = dict.fromkeys(self._halves, b"")
+        """Forget halves: what would have made them whole did not come."""
+        if self._listener is not None:
+            self._listener.lose()
         last = self.rows[-1].time if self.rows else 0.0
         self._tell(Exchange("", f"{count} events did not come here", last))
-
-
-def _answers(reply: bytes, request: bytes) -> bool:
-    """Return whether a line may be the answer to a request."""
-    refused = reply.startswith((b"z,", COMMAND_NOT_FOUND.encode()))
-    letter = request[:1]
-    if letter.decode("latin-1") not in COMMANDS:
-        return True  # a tool, or garbage: anything may be said
-    return refused or (reply[:1] == letter.lower() and reply[1:2] in (b",", b""))

@@ -15,12 +15,15 @@ from khepera_protocol.zenoh.controller_payloads import (
 from khepera_protocol.zenoh.keys import CAMERA, EMULATOR, FRAME, PAYLOADS
 from khepera_protocol.zenoh.payload_model import Payload, PayloadError
 from khepera_protocol.zenoh.payloads import (
+    USUAL_ROBOT,
     Outline,
     Pose,
     Truth,
     Wire,
 )
 
+from macor_hil.hardware.robots.form import Form
+from macor_hil.hardware.robots.forms import form_of
 from macor_hil.monitor.line_state import LineState
 from macor_hil.monitor.way import Way
 from macor_hil.telemetry.feed import Arrival, Heard, Loss, NotTaken, Presence, Refusal
@@ -182,6 +185,20 @@ class RobotState:
     left: float | None = None
     not_taken: NotTaken = field(default_factory=NotTaken)
     version: int = 0
+
+    @property
+    def form(self) -> Form:
+        """The form of its kind, as whoever drives it or emulates it tells."""
+        state, outline = self.controlled.state, self.emulated.outline
+        if outline is not None:
+            return form_of(outline.robot_kind)
+        return form_of(state.robot_kind if state is not None else USUAL_ROBOT)
+
+    @property
+    def radius(self) -> float:
+        """The radius of its body, metres."""
+        outline = self.emulated.outline
+        return outline.robot_radius if outline is not None else self.form.radius
 
     @property
     def alive(self) -> bool:

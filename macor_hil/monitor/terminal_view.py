@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from math import degrees
 from typing import Final
 
-from khepera_protocol.serial.commands import SENSORS
-from khepera_protocol.serial.units import PROXIMITY_FULL
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.controller_payloads import (
     Alternative,
@@ -19,6 +17,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from macor_hil.hardware.robots.form import Form
+from macor_hil.hardware.robots.robot import FULL
 from macor_hil.monitor.driving import driver_of
 from macor_hil.monitor.goals import goal_seen
 from macor_hil.monitor.robot_state import Arrivals, RobotState
@@ -27,9 +27,6 @@ _BAR_WIDTH: Final = 24
 _MOST_ALTERNATIVES: Final = 5
 _EIGHTHS: Final = " ▏▎▍▌▋▊▉█"
 _LEVELS: Final = "▁▂▃▄▅▆▇█"
-_SENSORS: Final = tuple(
-    name.replace("left", "L").replace("right", "R").replace("back", "back") for name in SENSORS
-)
 _MOODS: Final = {
     "good": "bold green",
     "busy": "bold yellow",
@@ -64,7 +61,7 @@ def render(watched: RobotState, now: float) -> RenderableType:
     if seen.decision:
         _add_decision(rows, seen.decision, [past.reinforcement for past in seen.history])
     if readings := _readings(watched):
-        rows.add_row("infrared", _infrared(readings))
+        rows.add_row("infrared", _infrared(readings, watched.form))
     if wheels := _wheels(watched):
         rows.add_row("wheels", Text(wheels))
     if seen.decision and seen.decision.collided:
@@ -182,20 +179,24 @@ def _alternative(alternative: Alternative, top: float, *, driven: bool) -> Text:
     return text
 
 
-def _infrared(readings: Sequence[int]) -> RenderableType:
+def _infrared(readings: Sequence[int], form: Form) -> RenderableType:
     """Return the readings with their sensors' names, on as many lines as they take."""
     each = [
         Text.assemble(
-            (f"{name:<6} ", "dim"),
-            (f"{_level(reading / PROXIMITY_FULL)} {reading:4}", _proximity(reading)),
+            (f"{_short(name):<6} ", "dim"),
+            (f"{_level(reading / FULL)} {reading:4}", _proximity(reading)),
         )
-        for name, reading in zip(_SENSORS, readings, strict=False)
+        for name, reading in zip(form.sensors, readings, strict=False)
     ]
     return Columns(each, padding=(0, 1), equal=True)
 
 
+def _short(sensor: str) -> str:
+    return sensor.replace("left", "L").replace("right", "R")
+
+
 def _proximity(reading: int) -> str:
-    share = reading / PROXIMITY_FULL
+    share = reading / FULL
     return "red" if share > 0.9 else "yellow" if share > 0.3 else "default"
 
 

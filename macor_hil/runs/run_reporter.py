@@ -14,7 +14,7 @@ from khepera_protocol.system.supervisor import NOBODY, Supervisor
 from khepera_protocol.validation import first_fault
 from khepera_protocol.zenoh.controller_payloads import Decision, Odometry, Phase, State
 from khepera_protocol.zenoh.payload_model import MOST_TEXT
-from khepera_protocol.zenoh.payloads import Pose
+from khepera_protocol.zenoh.payloads import USUAL_ROBOT, Pose
 from pydantic import ValidationError
 
 from macor_hil.hardware.cameras import Camera, Frame
@@ -112,6 +112,7 @@ class RunReporter:
         self.ending = Ending.INTERRUPTED
         self._supervisor = supervisor
         self._phase = Phase.STARTING
+        self._kind = USUAL_ROBOT  # until it is there
         self._meter = Meter()
         self._seen = self._decided = -inf
         self._interruption = interruption
@@ -170,8 +171,9 @@ class RunReporter:
         )
 
     def follow(self, robot: Robot) -> None:
-        """Take the time from an embedded robot, and the figures of its line."""
+        """Take kind and figures of the line from a robot, and the time from an embedded one."""
         self._meter = robot.meter
+        self._kind = robot.kind.value
         if self._options.address.embedded:
             self._clock = robot.clock
 
@@ -269,6 +271,7 @@ class RunReporter:
                 driven=self.driven,
                 limit=options.commands,
                 reason=reason[:MOST_TEXT],
+                robot_kind=self._kind,
             )
             self._publisher.state(state, self._time)
 

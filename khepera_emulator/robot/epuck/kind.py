@@ -10,7 +10,7 @@ from khepera_protocol.epuck.wifi import WifiSplitter
 
 from khepera_emulator.line.clock import on_grid
 from khepera_emulator.line.dialect import Dialect
-from khepera_emulator.robot.epuck.choices import SWITCHES, Choices, parse_choices
+from khepera_emulator.robot.epuck.choices import SWITCHES, WIFI, Choices, parse_choices
 from khepera_emulator.robot.kind import Berth, Console, Firmware
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ class EpuckKind:
                 receive_limit=_WIFI_RECEIVE_LIMIT,
                 send_limit=_WIFI_SEND_LIMIT,
                 serial=False,
+                name=WIFI,
             )
         generation = choices.generation
         return Dialect(
@@ -71,6 +72,7 @@ class EpuckKind:
             busy=_BUSY,
             receive_limit=_RECEIVE_LIMIT,
             send_limit=_SEND_LIMIT,
+            name=generation.name,
         )
 
     def robot(self, berth: Berth) -> "Robot":

@@ -35,6 +35,9 @@ class WheelStatus:
     error: int
 
 
+FULL: Final = 1023
+"""Greatest infrared reading in the driver's scale, in which 1000 is a white wall at 15 mm."""
+
 FRONT_SENSORS: Final = slice(0, 6)
 """Infrared sensors that face where a robot can drive to: all but the two at the back."""
 
@@ -59,10 +62,12 @@ class Robot(Protocol):
     All methods that talk to it raise RobotError: no answer, another one, or a failed port.
 
     Attributes:
+        kind: of the robot, which is never AUTO.
         clock: seconds on the clock that the port lives by: virtual for `khepera://`, else real.
         meter: counts requests and times their round trips on that clock.
     """
 
+    kind: RobotKind
     clock: Callable[[], float]
     meter: Meter
 
@@ -128,8 +133,8 @@ class Robot(Protocol):
         """Return the eight infrared sensors."""
         ...
 
-    def battery(self) -> int | None:
-        """Return half of the battery's voltage, in counts of 4 mV; None where it is not told so."""
+    def battery(self) -> float | None:
+        """Return the battery's voltage; None where the robot does not tell it."""
         ...
 
 

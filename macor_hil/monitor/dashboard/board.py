@@ -83,7 +83,7 @@ class Board:
     def _arena(self, watched: RobotState, others: Mapping[str, RobotState]) -> Parts:
         outline = watched.emulated.outline
         pieces = arena.way_pieces(watched)
-        pose, radius = watched.pose, arena.radius_of(outline)
+        pose, radius = watched.pose, watched.radius
         ways = arena.hypothetical_ways(watched)
         if outline and outline.solids:
             window = arena.whole(outline, ())
@@ -179,9 +179,9 @@ class Board:
         of_robot = texts.of_the_robot(watched)
         health = texts.health(watched, now)
         return {
-            "infrared": self._once("infrared", lambda *each: charts.infrared(each), *values)
+            "infrared": self._once("infrared", charts.infrared, watched.form, values)
             if values
-            else self._once("no infrared", lambda: charts.infrared(None)),
+            else self._once("no infrared", charts.infrared, watched.form, None),
             "infrared@hidden": None if values else "",
             "robot-rows": texts.rows(of_robot),
             "health-rows": texts.rows(health),

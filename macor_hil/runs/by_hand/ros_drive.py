@@ -17,6 +17,7 @@ from macor_hil.errors import TelemetryError
 from macor_hil.hardware.devices import robot_at
 from macor_hil.hardware.driver import DriveSettings
 from macor_hil.hardware.options import LineOptions
+from macor_hil.hardware.robots.form import Reading
 from macor_hil.hardware.robots.robot import Robot
 from macor_hil.hardware.standstill import standing_on_failure
 from macor_hil.runs.by_hand.rolling import LIMIT, Rolling
@@ -25,7 +26,6 @@ from macor_hil.telemetry.ros2.bridge import Bridge
 from macor_hil.telemetry.ros2.messages import Frames
 from macor_hil.telemetry.ros2.rmw_zenoh import namespace_of
 from macor_hil.telemetry.ros2.twists import Twists
-from macor_hil.telemetry.viewers.wire_lines import Readings
 
 FARTHEST: Final = 0.1
 """Metres that a robot rolls within the limit."""
@@ -119,7 +119,7 @@ class _DrivenRobot:
         self._twists = twists
         self._controllers = controllers
         self._rolling = Rolling(robot, settings)
-        self._readings = Readings()
+        bridge.meet(robot.kind)
         self._asked_battery = -inf
 
     def turn(self) -> None:
@@ -128,16 +128,14 @@ class _DrivenRobot:
         Raises:
             RobotError: the robot does not answer.
         """
-        readings = self._readings
-        readings.proximity = self._rolling.look()
+        proximity = self._rolling.look()
         self._drive()
-        readings.counters = self._robot.counters()
+        told = Reading(proximity=proximity, counters=self._robot.counters())
         self._rolling.watch()
-        self._tell("n", "h")
         if (now := time.monotonic()) - self._asked_battery > _BATTERY:
             self._asked_battery = now
-            readings.battery = self._robot.battery()
-            self._tell("i")  # where it is known
+            told = told._replace(battery=self._robot.battery())
+        self._bridge.sense(told, self._robot.clock())
         while self._bridge.forward(0.0) and time.monotonic() - now < _A_MOMENT:
             pass
 
@@ -147,7 +145,3 @@ class _DrivenRobot:
             self._rolling.stop()
         elif twist is not None and time.monotonic() - twist.came < LIMIT:
             self._rolling.go(twist.forward, twist.turning)
-
-    def _tell(self, *letters: str) -> None:
-        for letter in letters:
-            self._bridge.sense(letter, self._readings, self._robot.clock())

@@ -19,7 +19,7 @@ from khepera_protocol.zenoh.controller_payloads import (
     State,
 )
 from khepera_protocol.zenoh.payload_model import MOST_TEXT
-from khepera_protocol.zenoh.payloads import Pose
+from khepera_protocol.zenoh.payloads import USUAL_ROBOT, Pose
 
 from macor_hil.commands import COMMANDS, MotorCommand
 from macor_hil.hardware.cameras import Frame
@@ -67,12 +67,14 @@ class Teller:
         self._odometry = Odometry(pose=Pose(x=0.0, y=0.0, heading=0.0), counters=(0, 0))
         self._clock: Callable[[], float] = SteadyClock().seconds
         self._time = 0.0
+        self._kind = USUAL_ROBOT  # until it is there
 
     @contextmanager
     def telling(self, robot: Robot) -> Iterator[None]:
         """Tell that a drive of a robot begins, and how it ends."""
         if self._embedded:
             self._clock = robot.clock
+        self._kind = robot.kind.value
         self._time = self._clock()
         self._publisher.learned(
             Learned(
@@ -103,6 +105,7 @@ class Teller:
             driven=self.driven,
             limit=0,
             reason=reason[:MOST_TEXT],
+            robot_kind=self._kind,
         )
         self._publisher.state(state, self._time)
 

@@ -15,13 +15,14 @@ from khepera_protocol.zenoh.payload_model import PayloadError
 
 from macor_hil.errors import TelemetryError, WrongPictureError
 from macor_hil.hardware.odometry import Wheels
+from macor_hil.hardware.robots.form import Reading
+from macor_hil.hardware.robots.robot import RobotKind
 from macor_hil.telemetry.feed import Arrival, Event, Feed, Loss, NotTaken, Refusal
 from macor_hil.telemetry.ros2.messages import Frames
 from macor_hil.telemetry.ros2.node import RosNode
 from macor_hil.telemetry.ros2.rmw_zenoh import namespace_of
 from macor_hil.telemetry.ros2.topics import COMMAND, KINDS, RosTopics, topic
 from macor_hil.telemetry.ros2.twists import Twists
-from macor_hil.telemetry.viewers.wire_lines import Readings
 
 NODE: Final = "macor"
 """Name of the ROS node."""
@@ -122,15 +123,18 @@ class Bridge:
             leaf = event.leaf if isinstance(event, Arrival) else ""
             self._leave_out(Refusal(leaf, str(error), event.received))
 
-    def sense(self, letter: str, readings: Readings, when: float) -> None:
+    def meet(self, kind: RobotKind) -> None:
+        """Take in of which kind the robot is that this program drives."""
+        self._topics.kind = kind.value
+
+    def sense(self, told: Reading, when: float) -> None:
         """Tell the robot's own readings.
 
         Args:
-            letter: of the reply that told one.
-            readings: all of them.
+            told: they.
             when: seconds on the robot's clock.
         """
-        self._publish(self._topics.sense(letter, readings, when, time.time_ns()))
+        self._publish(self._topics.sense(told, when, time.time_ns()))
 
     def _publish(self, messages: Iterable[tuple[str, Any]]) -> None:
         for name, message in messages:

@@ -5,8 +5,6 @@ from math import cos, radians, sin
 from typing import Final
 
 import numpy as np
-from khepera_protocol.serial.commands import SENSOR_BEARINGS
-from khepera_protocol.serial.units import BODY_RADIUS
 from khepera_protocol.text import quoted
 from khepera_protocol.zenoh.controller_payloads import Decision
 from khepera_protocol.zenoh.payloads import Pose
@@ -15,6 +13,7 @@ from rosbags.typesys.stores import ros2_jazzy as ros
 from macor_hil.commands import COMMANDS
 from macor_hil.errors import TelemetryError
 from macor_hil.hardware.driver import DriveSettings
+from macor_hil.hardware.robots.form import Form
 from macor_hil.telemetry.ros2.messages import Frames, header, heading, pose, twist, vector
 
 _SHORTEST: Final = 0.001
@@ -23,9 +22,8 @@ _SHORTEST: Final = 0.001
 _UNKNOWN: Final = np.zeros(36)
 """Covariance: all zero says that nobody knows, as the ROS message definitions have it."""
 
-_SENSOR_HEIGHT: Final = 0.012
 _CAMERA_HEIGHT: Final = 0.06
-"""Metres above the floor (docs/pictures.md)."""
+"""Metres of the omnidirectional camera above the floor (docs/pictures.md)."""
 
 Timed = tuple[float, Pose]
 """A time in seconds of the robot's clock, and a pose."""
@@ -70,7 +68,7 @@ def command(
 
 
 def transforms(
-    origin: Pose, odometer: Pose, time: int, frames: Frames
+    origin: Pose, odometer: Pose, form: Form, radius: float, time: int, frames: Frames
 ) -> ros.tf2_msgs__msg__TFMessage:
     """Return the whole tree: arena, odometry, robot, its sensors and its camera.
 
@@ -79,6 +77,8 @@ def transforms(
     Args:
         origin: of the odometry, in the arena.
         odometer: the robot's pose by odometry.
+        form: of the robot.
+        radius: of its body, metres.
         time: for the headers.
         frames: their names.
     """
@@ -91,9 +91,9 @@ def transforms(
         )
         return ros.geometry_msgs__msg__TransformStamped(header(time, parent), child, transform)
 
-    bearings = [radians(bearing) for bearing in SENSOR_BEARINGS]
+    bearings = [radians(bearing) for bearing in form.bearings]
     ring = [
-        Pose(x=BODY_RADIUS * cos(bearing), y=BODY_RADIUS * sin(bearing), heading=bearing)
+        Pose(x=radius * cos(bearing), y=radius * sin(bearing), heading=bearing)
         for bearing in bearings
     ]
     return ros.tf2_msgs__msg__TFMessage(
@@ -102,7 +102,7 @@ def transforms(
             placed(frames.odometry, frames.body, odometer),
             placed(frames.body, frames.camera, Pose(x=0.0, y=0.0, heading=0.0), _CAMERA_HEIGHT),
             *(
-                placed(frames.body, frames.sensor(number), place, _SENSOR_HEIGHT)
+                placed(frames.body, frames.sensor(number), place, form.sensor_height)
                 for number, place in enumerate(ring)
             ),
         ]

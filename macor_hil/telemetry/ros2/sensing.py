@@ -5,12 +5,10 @@ from math import inf, nan, pi, radians
 from typing import Final
 
 import numpy as np
-from khepera_protocol.serial.commands import SENSOR_BEARINGS
-from khepera_protocol.serial.units import ADC_FULL_SCALE, BODY_RADIUS
 from rosbags.typesys.stores import ros2_jazzy as ros
 
+from macor_hil.hardware.robots.form import Form
 from macor_hil.telemetry.ros2.messages import Frames, header
-from macor_hil.telemetry.viewers.distances import FARTHEST, FIELD_OF_VIEW, NEAREST, distance
 
 _BEAMS: Final = 72
 """Beams of a scan: one each five degrees, so that each sensor's axis is one."""
@@ -18,10 +16,10 @@ _BEAMS: Final = 72
 _HALF_BEAMS: Final = 2
 """Beams beside its axis that a sensor answers for: as many as leave neighbours apart."""
 
-_COUNTS: Final = 1024
-_CELLS: Final = 4
-_DIVIDER: Final = 2.0
-"""A/D input 0 gets half of the battery's voltage; a choice of the emulator's (khepera-choices)."""
+_CHEMISTRIES: Final = {
+    "NICD": ros.sensor_msgs__msg__BatteryState.POWER_SUPPLY_TECHNOLOGY_NICD,
+    "LIPO": ros.sensor_msgs__msg__BatteryState.POWER_SUPPLY_TECHNOLOGY_LIPO,
+}
 
 
 def image(
@@ -51,30 +49,35 @@ def camera_info(
     )
 
 
-def ranges(readings: Sequence[int], time: int, frames: Frames) -> list[ros.sensor_msgs__msg__Range]:
-    """Return what each sensor sees, in the order of N; +inf: nothing within its reach."""
+def ranges(
+    readings: Sequence[int], form: Form, time: int, frames: Frames
+) -> list[ros.sensor_msgs__msg__Range]:
+    """Return what each sensor sees, in the driver's order; +inf: nothing within its reach."""
     return [
         ros.sensor_msgs__msg__Range(
             header(time, frames.sensor(number)),
             ros.sensor_msgs__msg__Range.INFRARED,
-            FIELD_OF_VIEW,
-            NEAREST,
-            FARTHEST,
-            _metres(reading),
+            form.field_of_view,
+            form.nearest,
+            form.farthest,
+            _metres(reading, form),
             0.0,
         )
         for number, reading in enumerate(readings)
     ]
 
 
-def scan(readings: Sequence[int], time: int, frames: Frames) -> ros.sensor_msgs__msg__LaserScan:
+def scan(
+    readings: Sequence[int], form: Form, radius: float, time: int, frames: Frames
+) -> ros.sensor_msgs__msg__LaserScan:
     """Return the same as a scan around the robot's middle; NaN where no sensor looks."""
     beams = np.full(_BEAMS, nan, np.float32)
     step = 2 * pi / _BEAMS
-    for bearing, reading in zip(SENSOR_BEARINGS, readings, strict=True):
+    for bearing, reading in zip(form.bearings, readings, strict=True):
         middle = round((radians(bearing) + pi) / step)
         for beam in range(middle - _HALF_BEAMS, middle + _HALF_BEAMS + 1):
-            beams[beam % _BEAMS] = np.fmin(beams[beam % _BEAMS], BODY_RADIUS + _metres(reading))
+            seen = radius + _metres(reading, form)
+            beams[beam % _BEAMS] = np.fmin(beams[beam % _BEAMS], seen)
     return ros.sensor_msgs__msg__LaserScan(
         header(time, frames.body),
         -pi,
@@ -82,17 +85,18 @@ def scan(readings: Sequence[int], time: int, frames: Frames) -> ros.sensor_msgs_
         step,
         0.0,
         0.0,
-        BODY_RADIUS + NEAREST,
-        BODY_RADIUS + FARTHEST,
+        radius + form.nearest,
+        radius + form.farthest,
         beams,
         np.zeros(0, np.float32),
     )
 
 
-def battery(counts: int, time: int, frames: Frames) -> ros.sensor_msgs__msg__BatteryState:
-    """Return the battery's voltage from counts of A/D input 0; nothing else of it is known."""
+def battery(
+    volts: float, form: Form, time: int, frames: Frames
+) -> ros.sensor_msgs__msg__BatteryState:
+    """Return the battery's voltage; nothing else of it is known."""
     kind = ros.sensor_msgs__msg__BatteryState
-    volts = counts * _DIVIDER * ADC_FULL_SCALE / _COUNTS
     return kind(
         header(time, frames.body),
         volts,
@@ -104,15 +108,15 @@ def battery(counts: int, time: int, frames: Frames) -> ros.sensor_msgs__msg__Bat
         nan,
         kind.POWER_SUPPLY_STATUS_DISCHARGING,
         kind.POWER_SUPPLY_HEALTH_UNKNOWN,
-        kind.POWER_SUPPLY_TECHNOLOGY_NICD,
+        _CHEMISTRIES[form.chemistry],
         True,
-        np.full(_CELLS, nan, np.float32),
-        np.full(_CELLS, nan, np.float32),
+        np.full(form.cells, nan, np.float32),
+        np.full(form.cells, nan, np.float32),
         "",
         "",
     )
 
 
-def _metres(reading: int) -> float:
-    seen = distance(reading)
+def _metres(reading: int, form: Form) -> float:
+    seen = form.distance(reading)
     return inf if seen is None else seen

@@ -8,20 +8,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from khepera_protocol.serial.commands import SENSOR_BEARINGS
+from khepera_protocol.serial.units import PULSE
 from khepera_protocol.zenoh.controller_payloads import Decision, Learned, Link, State
 from khepera_protocol.zenoh.keys import CAMERA, CONTROLLER, FRAME, PAYLOADS
-from khepera_protocol.zenoh.payloads import Outline, Truth, Wire
+from khepera_protocol.zenoh.payloads import USUAL_ROBOT, Outline, Truth, Wire
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from macor_hil.hardware.cameras.decoding import check_picture, decode_picture
 from macor_hil.hardware.odometry import Wheels, integrate
+from macor_hil.hardware.robots.form import Form, Reading
+from macor_hil.hardware.robots.forms import form_of
 from macor_hil.telemetry.feed import Arrival, Event, Presence
 from macor_hil.telemetry.ros2 import moving, sensing, telling
 from macor_hil.telemetry.ros2.messages import Frames, topic_of
 from macor_hil.telemetry.ros2.rmw_zenoh import Topic
 from macor_hil.telemetry.viewers.frames import Whereabouts
-from macor_hil.telemetry.viewers.wire_lines import Readings, WireLines
+from macor_hil.telemetry.viewers.wire_lines import WireLines
 
 IMAGE: Final = "image/compressed"
 CAMERA_INFO: Final = "camera_info"
@@ -35,8 +37,8 @@ ARENA: Final = "arena"
 TRANSFORMS: Final = "/tf"
 DIAGNOSTICS: Final = "/diagnostics"
 
-RANGES: Final = tuple(f"range/ir{number}" for number in range(len(SENSOR_BEARINGS)))
-"""In the order of N's reply."""
+RANGES: Final = tuple(f"range/ir{number}" for number in range(8))
+"""In the driver's order: from the left over the front to the back."""
 
 KINDS: Final[dict[str, type[Any]]] = {
     IMAGE: ros.sensor_msgs__msg__CompressedImage,
@@ -74,16 +76,18 @@ class RosTopics:
     Args:
         robot: its name in the keys.
         frames: names of its frames.
-        wheels: that counts on the line are counted with.
+        wheels: that the driver's counts are counted with.
+        kind: of the robot.
     """
 
     robot: str
     frames: Frames = field(default_factory=Frames)
     wheels: Wheels = field(default_factory=Wheels)
+    kind: str = USUAL_ROBOT
 
     def __post_init__(self) -> None:
         self._where = Whereabouts()
-        self._lines, self._readings = WireLines(), Readings()
+        self._lines = WireLines()
         self._controlled = False
         self._counted: tuple[int, int] | None = None
         self._before: moving.Timed | None = None
@@ -117,6 +121,14 @@ class RosTopics:
         elif kind := PAYLOADS.get((event.side, event.leaf)):
             yield from self._read(kind.parse(event.data), now)
 
+    @property
+    def _form(self) -> Form:
+        return form_of(self.kind)
+
+    @property
+    def _radius(self) -> float:
+        return self._outline.robot_radius if self._outline else self._form.radius
+
     def _meet(self, presence: Presence) -> None:
         if presence.side == CONTROLLER:
             self._controlled = presence.alive
@@ -139,22 +151,29 @@ class RosTopics:
                 self._where.truth = payload.pose
                 yield self._tree(now)
             case Outline():
-                self._outline = payload
+                self._outline, self.kind = payload, payload.robot_kind
                 yield ARENA, telling.arena_markers(payload, now, self.frames)
             case Learned():
                 self._where.learn(payload)
             case State():
-                self._state = payload
+                self._state, self.kind = payload, payload.robot_kind
             case Link():
                 self._link = payload
             case Decision():
                 yield from self._decide(payload, now)
             case Wire():
-                for line in self._lines.take(payload):
-                    letter = self._readings.take(line)
-                    if not self._controlled or letter == "i":
-                        when = payload.entries[-1].time
-                        yield from self.sense(letter, self._readings, when, now)
+                self.kind = payload.robot_kind
+                for passed in self._lines.take(payload):
+                    yield from self._hear(passed.reading, payload.entries[-1].time, now)
+
+    def _hear(self, told: Reading, when: float, now: int) -> Iterator[Told]:
+        """Yield what passed on the line; where a controller drives, it tells the rest itself."""
+        if self._controlled:
+            told = Reading(battery=told.battery)
+        if told.counters is not None:
+            left, right = (round(each * self._form.pulse / PULSE) for each in told.counters)
+            told = told._replace(counters=(left, right))
+        yield from self.sense(told, when, now)
 
     def _decide(self, decision: Decision, now: int) -> Iterator[Told]:
         self._where.decide(decision)
@@ -169,24 +188,24 @@ class RosTopics:
         yield PLAN, moving.path(best, now, self.frames)
         yield MARKERS, telling.decision_markers(decision, ways, now, self.frames)
 
-    def sense(self, letter: str, readings: Readings, when: float, now: int) -> Iterator[Told]:
-        """Yield what a reply on the line tells.
+    def sense(self, told: Reading, when: float, now: int) -> Iterator[Told]:
+        """Yield what a robot tells of itself.
 
         Args:
-            letter: of the reply.
-            readings: the robot's, this reply's among them.
+            told: it; counters are the driver's.
             when: seconds on the robot's clock.
             now: the wall clock, ns since 1970, for headers.
         """
-        if letter == "n" and readings.proximity is not None:
-            yield from self._infrared(readings.proximity, now)
-        elif letter == "i" and readings.battery is not None:
-            yield BATTERY, sensing.battery(readings.battery, now, self.frames)
-        elif letter == "h" and readings.counters is not None:
-            counted = self._counted or readings.counters
+        if told.proximity is not None:
+            yield from self._infrared(told.proximity, now)
+        if told.battery is not None:
+            yield BATTERY, sensing.battery(told.battery, self._form, now, self.frames)
+        if told.counters is not None:
+            left, right = told.counters
+            counted = self._counted or (left, right)
             here = self._where.odometry
-            self._where.odometry = integrate(here, counted, readings.counters, self.wheels)
-            self._counted = readings.counters
+            self._where.odometry = integrate(here, counted, (left, right), self.wheels)
+            self._counted = left, right
             yield from self._move((when, self._where.odometry), now)
 
     def _move(self, here: moving.Timed, now: int) -> Iterator[Told]:
@@ -195,9 +214,11 @@ class RosTopics:
         yield self._tree(now)
 
     def _infrared(self, readings: tuple[int, ...] | list[int], now: int) -> Iterator[Told]:
-        yield from zip(RANGES, sensing.ranges(readings, now, self.frames), strict=True)
-        yield SCAN, sensing.scan(readings, now, self.frames)
+        form = self._form
+        yield from zip(RANGES, sensing.ranges(readings, form, now, self.frames), strict=True)
+        yield SCAN, sensing.scan(readings, form, self._radius, now, self.frames)
 
     def _tree(self, now: int) -> Told:
-        where = self._where
-        return TRANSFORMS, moving.transforms(where.origin, where.odometry, now, self.frames)
+        where, shape = self._where, (self._form, self._radius)
+        tree = moving.transforms(where.origin, where.odometry, *shape, now, self.frames)
+        return TRANSFORMS, tree

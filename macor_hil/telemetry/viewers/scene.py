@@ -18,29 +18,26 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.message import Message
-from khepera_protocol.serial.commands import SENSOR_BEARINGS
-from khepera_protocol.serial.units import BODY_RADIUS, PROXIMITY_FULL
 from khepera_protocol.text import printable
-from khepera_protocol.zenoh.controller_payloads import Decision, Learned
+from khepera_protocol.zenoh.controller_payloads import Decision, Learned, State
 from khepera_protocol.zenoh.keys import PAYLOADS
 from khepera_protocol.zenoh.payload_model import Payload, PayloadError
-from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire
+from khepera_protocol.zenoh.payloads import USUAL_ROBOT, Outline, Pose, Truth, Wire
 
+from macor_hil.hardware.robots.form import REPLY, REQUEST, Form, Passed
+from macor_hil.hardware.robots.forms import form_of
+from macor_hil.hardware.robots.robot import FULL
 from macor_hil.telemetry.feed import Arrival, Event
-from macor_hil.telemetry.viewers.distances import FARTHEST, distance
 from macor_hil.telemetry.viewers.frames import HERE, Whereabouts
 from macor_hil.telemetry.viewers.prisms import Place, prism
-from macor_hil.telemetry.viewers.wire_lines import WireLine, WireLines
+from macor_hil.telemetry.viewers.wire_lines import WireLines
 
 ARENA: Final = "arena"
 ODOMETRY: Final = "odometry"
 ROBOT: Final = "robot"
 
-_BODY: Final = 0.03
-"""Height of a Khepera without turrets, metres."""
-
-_EYE_HEIGHT: Final = 0.012
-"""Metres above the floor at which the infrared sensors are drawn."""
+_WORDS: Final = 0.075
+"""Metres above the floor at which a decision is told."""
 
 _STEP: Final = 0.01
 """Metres between two points of the way driven."""
@@ -62,7 +59,8 @@ class Scene:
     def __init__(self) -> None:
         self._where = Whereabouts()
         self._lines = WireLines()
-        self._radius = BODY_RADIUS
+        self._form = form_of(USUAL_ROBOT)
+        self._radius = self._form.radius
         self._way: deque[Pose] = deque(maxlen=_WAY)
 
     def draw(self, event: Event, now: int) -> Iterator[tuple[str, Message]]:
@@ -98,17 +96,19 @@ class Scene:
                 yield "transform", _transform(ARENA, ODOMETRY, where.origin)
                 yield from self._driven(payload.pose)
             case Outline():
-                self._radius = payload.robot_radius
+                self._form, self._radius = form_of(payload.robot_kind), payload.robot_radius
                 yield "arena", _update(_arena(payload))
-                yield "robot", _update(_robot(self._radius))
+                yield "robot", _update(_robot(self._form, self._radius))
+            case State():
+                self._take_kind(payload.robot_kind)
             case Decision():
                 where.decide(payload)
                 if where.truth is not None:
                     yield "transform", _transform(ARENA, ODOMETRY, where.origin)
                 yield "transform", _transform(ODOMETRY, ROBOT, where.odometry)
                 yield "odometry", _pose(ODOMETRY, where.odometry)
-                yield "robot", _update(_robot(self._radius))
-                yield "infrared", _update(_infrared(payload.infrared, self._radius))
+                yield "robot", _update(_robot(self._form, self._radius))
+                yield "infrared", _update(_infrared(payload.infrared, self._form, self._radius))
                 yield "plan", _update(*self._plan(payload))
                 if where.truth is None:
                     yield from self._driven(where.odometry)
@@ -117,6 +117,12 @@ class Scene:
                     yield "wire", message
             case Learned():
                 where.learn(payload)
+
+    def _take_kind(self, kind: str) -> None:
+        """Take in which kind of robot it is, where no arena tells its size."""
+        form = form_of(kind)
+        if form is not self._form:
+            self._form, self._radius = form, form.radius
 
     def _driven(self, pose: Pose) -> Iterator[tuple[str, Message]]:
         """Yield the way driven, where it has become longer."""
@@ -149,7 +155,7 @@ class Scene:
         words = entity.texts.add(
             text=_words(decision), billboard=True, font_size=13.0, scale_invariant=True
         )
-        _place(words, self._where.odometry, 2.5 * _BODY)
+        _place(words, self._where.odometry, _WORDS)
         _paint(words.color, (0.1, 0.1, 0.1, 1.0))
         yield entity
 
@@ -197,13 +203,13 @@ def _arena(outline: Outline) -> SceneEntity:
     return entity
 
 
-def _robot(radius: float) -> SceneEntity:
+def _robot(form: Form, radius: float) -> SceneEntity:
     """Draw the body, two wheels, and an arrow that points ahead."""
     entity = SceneEntity(frame_id=ROBOT, id="robot", frame_locked=True)
     body = entity.cylinders.add(bottom_scale=1.0, top_scale=1.0)
-    _place(body, HERE, _BODY / 2)
+    _place(body, HERE, form.height / 2)
     body.size.x = body.size.y = 2 * radius
-    body.size.z = _BODY
+    body.size.z = form.height
     _paint(body.color, _SHELL)
     arrow = entity.arrows.add(
         shaft_length=0.5 * radius,
@@ -211,20 +217,20 @@ def _robot(radius: float) -> SceneEntity:
         head_length=0.5 * radius,
         head_diameter=0.014,
     )
-    _place(arrow, HERE, _BODY + 0.003)
+    _place(arrow, HERE, form.height + 0.003)
     _paint(arrow.color, _NOSE)
     return entity
 
 
-def _infrared(readings: Sequence[int], radius: float) -> SceneEntity:
+def _infrared(readings: Sequence[int], form: Form, radius: float) -> SceneEntity:
     """Draw a ray from each sensor to what it sees: the nearer, the redder."""
     entity = SceneEntity(frame_id=ROBOT, id="infrared", frame_locked=True)
-    for bearing, reading in zip(map(radians, SENSOR_BEARINGS), readings, strict=True):
-        share = min(max(reading / PROXIMITY_FULL, 0.0), 1.0)
-        seen = distance(reading)
-        reach = radius + (FARTHEST if seen is None else seen)
+    for bearing, reading in zip(map(radians, form.bearings), readings, strict=True):
+        share = min(max(reading / FULL, 0.0), 1.0)
+        seen = form.distance(reading)
+        reach = radius + (form.farthest if seen is None else seen)
         ends = [
-            (length * cos(bearing), length * sin(bearing), _EYE_HEIGHT)
+            (length * cos(bearing), length * sin(bearing), form.sensor_height)
             for length in (radius, reach)
         ]
         _line(entity, ends, 0.003, (share, 1.0 - share, 0.1, 0.35 if seen is None else 1.0))
@@ -253,7 +259,7 @@ def _paint(part: Color, colour: _Colour) -> None:
     part.r, part.g, part.b, part.a = colour
 
 
-def _logs(lines: Iterable[WireLine]) -> Iterator[Log]:
+def _logs(lines: Iterable[Passed]) -> Iterator[Log]:
     for line in lines:
-        level = Log.INFO if line.said else Log.WARNING
+        level = Log.INFO if line.what in (REQUEST, REPLY) else Log.WARNING
         yield Log(level=level, name=line.what, message=printable(line.text))

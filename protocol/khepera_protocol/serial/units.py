@@ -33,6 +33,14 @@ ADC_FULL_SCALE = 4.096
 """Volts that the 10-bit converter reads as 1024 counts."""
 
 
+def battery_volts(counts: int) -> float:
+    """Return the battery's voltage from A/D input 0, which gets half of it.
+
+    That it does is a choice of the emulator's (docs/khepera-choices.md).
+    """
+    return 2.0 * counts * ADC_FULL_SCALE / 1024
+
+
 def wire_time(characters: int, baud: int) -> float:
     """Return the seconds of a number of characters on the line at a rate in bits a second."""
     return characters * BITS_PER_CHARACTER / baud

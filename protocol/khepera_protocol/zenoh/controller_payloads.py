@@ -20,7 +20,7 @@ from khepera_protocol.zenoh.payload_model import (
     Text,
     Time,
 )
-from khepera_protocol.zenoh.payloads import Pose
+from khepera_protocol.zenoh.payloads import USUAL_ROBOT, Pose
 
 MOST_COMMANDS: Final = 16
 MOST_AHEAD: Final = 4_096
@@ -121,7 +121,8 @@ class Decision(Payload):
     infrared: list[Integer] = Field(
         min_length=8,
         max_length=8,
-        description="the last proximity reading, 0 far to 1023 near, in the order of N's reply",
+        description="the last proximity reading, 0 far to 1023 near, from the left over the front"
+        " to the back",
     )
     odometry: Odometry
     goal: Goal | None = Field(
@@ -155,6 +156,9 @@ class State(Payload):
     driven: Count = Field(description="commands driven so far")
     limit: Count = Field(description="commands after which the run ends; 0: it has no end")
     reason: Text = Field(default="", description="why it is late, recovering, stopped or failed")
+    robot_kind: Name = Field(
+        default=USUAL_ROBOT, description="kind of the robot: khepera, epuck or another program's"
+    )
 
 
 class Steer(Payload):

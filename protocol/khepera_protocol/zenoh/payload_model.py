@@ -27,9 +27,10 @@ MOST_PICTURE: Final = 8_000_000
 MOST_STAMP: Final = 1_000
 """Bytes of the longest attachment that is parsed."""
 
+MOST_NAME: Final = 64
 MOST_TITLE: Final = 200
 MOST_TEXT: Final = 4_096
-"""Characters of a title, and of any other text."""
+"""Characters of a name, of a title, and of any other text."""
 
 Real = Annotated[float, Field(ge=-1e9, le=1e9)]
 """Anything measured or computed: no robot comes near the bounds, and sums of it stay finite."""
@@ -47,7 +48,7 @@ Count = Annotated[int, Field(ge=0, le=2**53 - 1)]
 Number = Annotated[int, Field(ge=0, le=2**32 - 1)]
 """Number of a sample; recordings keep 32 bits of it."""
 
-Name = Annotated[str, Field(max_length=64)]
+Name = Annotated[str, Field(max_length=MOST_NAME)]
 Title = Annotated[str, Field(max_length=MOST_TITLE)]
 Text = Annotated[str, Field(max_length=MOST_TEXT)]
 

@@ -28,6 +28,10 @@ MOST_FAULTS: Final = 1_000
 """Faults of a robot that last at the same time."""
 
 
+USUAL_ROBOT: Final = "khepera"
+"""Kind of the robots of samples that tell none."""
+
+
 class Stamp(Payload):
     """Attachment of every sample."""
 
@@ -117,6 +121,10 @@ class Outline(Payload):
     solids: Annotated[list[Solid], FailFast()] = Field(max_length=MOST_SOLIDS)
     start: Pose
     robot_radius: float = Field(gt=0.0, le=1.0, description="metres")
+    robot_kind: Name = Field(
+        default=USUAL_ROBOT, description="kind of the robot: khepera, epuck or another program's"
+    )
+    robot_model: Name = Field(default="", description="its model; empty: unknown")
     things: Count = Field(
         default=0, description="the last so many solids can be pushed; numbers begin at the first"
     )
@@ -141,6 +149,10 @@ class Wire(Payload):
 
     first: Count = Field(description="number of the first entry; a gap: entries were lost")
     entries: Annotated[list[WireEntry], FailFast()] = Field(max_length=4096)
+    robot_kind: Name = Field(default=USUAL_ROBOT, description="kind of the robot on the line")
+    dialect: Name = Field(
+        default="", description="which of its kind's ways of speaking it has; empty: the only one"
+    )
 
 
 class Stop(Payload):

@@ -8,7 +8,8 @@ looks the wheels turn on as they were told.
 from collections.abc import Callable
 from typing import Any, Final
 
-from khepera_protocol.epuck.codes import pack, row, unpack
+from khepera_protocol.epuck.codes import byte_of, pack, row, unpack
+from khepera_protocol.epuck.generations import GCTRONIC2, GENERATIONS, Generation
 from khepera_protocol.epuck.letters import wrapped
 from khepera_protocol.epuck.units import STEP
 from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
@@ -16,8 +17,9 @@ from khepera_protocol.serial.units import ACCELERATION_UNIT, PULSE, SPEED_UNIT
 from macor_hil.errors import GarbageError
 from macor_hil.hardware.robots.client import LineClient, looks_reset
 from macor_hil.hardware.robots.epuck.line import EpuckLine
+from macor_hil.hardware.robots.epuck.readings import proximity_of, volts_of
 from macor_hil.hardware.robots.epuck.servo import Servo
-from macor_hil.hardware.robots.robot import WheelStatus
+from macor_hil.hardware.robots.robot import RobotKind, WheelStatus
 
 _COUNTS: Final = STEP / PULSE
 """Counts of the driver for a step."""
@@ -30,15 +32,6 @@ _MOST: Final = 1100
 
 _STOP: Final = row(("D", pack((0, 0))))
 _STOP_AND_READ: Final = row(("D", pack((0, 0))), "E")
-
-_ORDER: Final = (5, 6, 7, 0, 1, 2, 3, 4)
-"""An e-puck's sensors from the left over the front to the back right and left."""
-
-_NEAR: Final = 600
-"""Reading before a white wall at 15 mm, at which a Khepera's sensor is saturated."""
-
-_FULL: Final = 1023
-_SATURATED: Final = 1000
 
 _SPEEDS, _PROXIMITY, _STEPS = slice(0, 4), slice(4, 20), slice(20, 24)
 _SIZE: Final = 24
@@ -61,6 +54,7 @@ class Epuck(LineClient[EpuckLine]):
         meter: counts requests and times their round trips on that clock.
     """
 
+    kind = RobotKind.EPUCK
     top_speed = int(_TOP * STEP / SPEED_UNIT)
     _counted: float
 
@@ -73,6 +67,7 @@ class Epuck(LineClient[EpuckLine]):
         self._wheels = Servo(), Servo()
         self._steering = False
         self._looked = 0.0
+        self._firmware: Generation | None = None
 
     def connect(self) -> tuple[str, ...]:
         """Clear the line, ask for the version, and see where the counters are.
@@ -86,6 +81,8 @@ class Epuck(LineClient[EpuckLine]):
             raise GarbageError(f"sent b'V\\r' and got {line!r}: is this an e-puck?", b"V\r", line)
         self._line.clear()  # of the second line, which some firmwares say
         self._line.reset_seen = False
+        said = line.decode("ascii", "replace")
+        self._firmware = next((each for each in GENERATIONS if each.version[0] == said), None)
         self._begin()
         return (line[2:].decode("ascii", "replace"),)
 
@@ -146,11 +143,15 @@ class Epuck(LineClient[EpuckLine]):
 
     def proximity(self) -> tuple[int, ...]:
         """Return the eight infrared sensors in the driver's scale and order."""
-        raw = unpack(self._look()[_PROXIMITY])
-        return tuple([min(raw[k] * _SATURATED // _NEAR, _FULL) for k in _ORDER])
+        return proximity_of(unpack(self._look()[_PROXIMITY]))
 
-    def battery(self) -> None:
-        """Return None: e-pucks tell it in three ways, none of them the driver's."""
+    def battery(self) -> float | None:
+        """Return the battery's voltage; None where the firmware tells none."""
+        firmware = self._firmware
+        if firmware is None or byte_of("b") not in firmware.codes:
+            return None
+        answer = self._repeated(lambda: self._metered(lambda: self._line.ask(row("b"), 2)), _STOP)
+        return volts_of(*unpack(answer), second=firmware is GCTRONIC2)
 
     def _look(self) -> bytes:
         """Tell the wheels their speeds and see how it goes; steers them on."""

@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
-from khepera_protocol.serial.units import BODY_RADIUS
 from khepera_protocol.zenoh.controller_payloads import Ahead, Command, Hypothesis
 from khepera_protocol.zenoh.payloads import Outline, Pose
 
@@ -244,11 +243,6 @@ def scale(window: Window) -> str:
     bar = element("path", d=f"M{x} {y - tick}V{y}H{end}v{-tick}")
     text = f"{100 * length:g} cm" if length < 1.0 else f"{length:g} m"
     return bar + element("text", text, x=end, y=y, dx="0.5em", class_="label")
-
-
-def radius_of(outline: Outline | None) -> float:
-    """Return the radius of a robot's body, metres."""
-    return outline.robot_radius if outline else BODY_RADIUS
 
 
 def _extent(outline: Outline) -> tuple[Place, Place]:

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Sequence
 from math import cos, radians, sin
 from typing import Any, Final
 
-from khepera_protocol.serial.commands import SENSOR_BEARINGS, SENSORS
-from khepera_protocol.serial.units import PROXIMITY_FULL
 from khepera_protocol.zenoh.controller_payloads import Decision, Learned
 
+from macor_hil.hardware.robots.form import Form
+from macor_hil.hardware.robots.robot import FULL
 from macor_hil.monitor.dashboard.drawings.svg import clean, element, tip
 from macor_hil.monitor.robot_state import Mark, MarkKind
 
@@ -141,7 +141,7 @@ def top_reinforcement(shown: Sequence[Decision]) -> float:
     return max([decision.reinforcement for decision in shown] + [0.7])
 
 
-def infrared(readings: Sequence[int] | None) -> str:
+def infrared(form: Form, readings: Sequence[int] | None) -> str:
     """Draw the eight sensors around the robot, a wedge as long as the reading; ahead is up."""
     centre, radius, reach = 105.0, 30.0, 48.0
     shapes = [
@@ -149,8 +149,8 @@ def infrared(readings: Sequence[int] | None) -> str:
         for share in (0.0, 0.5, 1.0)
     ]
     shapes.append(element("path", d=f"M{centre:g} {centre - 8:g}v{-radius:g}", class_="nose"))
-    for name, bearing, reading in zip(SENSORS, SENSOR_BEARINGS, readings or (), strict=False):
-        share = min(max(reading / PROXIMITY_FULL, 0.0), 1.0)
+    for name, bearing, reading in zip(form.sensors, form.bearings, readings or (), strict=False):
+        share = min(max(reading / FULL, 0.0), 1.0)
         outer = radius + 2 + share * reach
         corners = [
             _around(centre, r, bearing + side)

@@ -22,8 +22,6 @@ _LONGEST: Final = 200
 _OLD: Final = 2.0
 """Seconds after which the age of a sample is told."""
 
-_LAMPS: Final = {None: "?", False: "off", True: "on"}
-
 
 class Row(NamedTuple):
     """A name and a value; `gone` where whoever told it is not there any more."""
@@ -83,9 +81,11 @@ def of_the_robot(watched: RobotState) -> list[Row]:
         found.append(Row("speeds read", "{} and {}".format(*line.speed), gone))
     if counters := _counters(watched):
         found.append(Row("counters", "{} and {}".format(*counters), gone and not watched.alive))
-    if any(lamp is not None for lamp in line.leds):
-        lateral, frontal = (_LAMPS[lamp] for lamp in line.leds)
-        found.append(Row("lamps", f"lateral {lateral}, frontal {frontal}", gone))
+    if line.lamps:
+        lit = [f"{name} {'on' if shines else 'off'}" for name, shines in line.lamps.items()]
+        found.append(Row("lamps", ", ".join(lit), gone))
+    if line.battery is not None:
+        found.append(Row("battery", f"{line.battery:.2f} V", gone))
     if line.ambient:
         found.append(Row("ambient light", " ".join(map(str, line.ambient.values)), gone))
     if truth:
