@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from khepera_emulator.body.drift import SLIP_BLOCK, slips
 from khepera_emulator.errors import EmulatorError
+from khepera_emulator.models import KheperaModel
 from khepera_emulator.robot.compiled.layout import Arcs, Tally
 from khepera_emulator.robot.compiled.packing import Packed, is_quick, line_of, stage_of
 from khepera_emulator.robot.emulator import Emulator
@@ -277,11 +278,13 @@ def _check(setup: Setup) -> None:
             f" with: {how_to_install('compiled')}"
         )
     more = {
+        "robots that are no Kheperas": not isinstance(setup.model, KheperaModel),
         "things to push": setup.arena.object,
         "turrets": setup.turrets,
         "faults": setup.faults,
         "a dead man's switch": setup.dead_man is not None,
-        "choices of the firmware": setup.choices not in (None, Choices()),
+        "choices of the firmware": isinstance(setup.choices, Choices)
+        and setup.choices != Choices(),
         "a rigid body": setup.rigid,
         "a slow line": not is_quick(setup.baud),
     }

@@ -160,7 +160,7 @@ class SerialListener:
                 yield self._binary(time)
             elif not self._begun.strip(b"\0\r\n"):
                 self._begun = b""
-        if len(sent) > _MOST:
+        if max(len(sent), len(self._begun)) > _MOST:
             self.lose()
 
     def _text(self, line: Line, time: float) -> Passed:
