@@ -12,15 +12,18 @@ from khepera_protocol.zenoh.payloads import Pose, Reset
 
 from macor_hil.commands import COMMANDS, STRAIGHT
 from macor_hil.errors import LinkError, RobotError
+from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.devices import Hardware, open_hardware, robot_of
 from macor_hil.hardware.driver import Driver
 from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.robots.epuck.client import Epuck
 from macor_hil.hardware.robots.epuck.servo import Servo
+from macor_hil.hardware.robots.epuck.wifi import WifiEpuck
 from macor_hil.hardware.robots.robot import RobotKind
 
 MIDDLE = Pose(x=0.0, y=0.0, heading=0.0)
-MODELS = pytest.mark.parametrize("model", ["epuck", "epuck2"])
+WIFI = "epuck2&profile=wifi"
+MODELS = pytest.mark.parametrize("model", ["epuck", "epuck2", WIFI])
 
 
 @contextmanager
@@ -168,11 +171,12 @@ def test_a_robot_that_was_put_elsewhere_begins_there() -> None:
             assert not driver.execute(STRAIGHT).collided
 
 
-def test_an_error_while_it_drives_leaves_it_standing_within_half_a_second() -> None:
+@pytest.mark.parametrize("model", ["epuck2", WIFI])
+def test_an_error_while_it_drives_leaves_it_standing_within_half_a_second(model: str) -> None:
     class Ended(Exception):
         pass
 
-    with puck() as hardware:
+    with puck(model) as hardware:
         looks = 0
 
         last = 0.0
@@ -196,8 +200,9 @@ def test_an_error_while_it_drives_leaves_it_standing_within_half_a_second() -> N
         assert ended - last < 0.5
 
 
-def test_a_closed_client_leaves_a_standing_robot() -> None:
-    with puck() as hardware:
+@pytest.mark.parametrize("model", ["epuck2", WIFI])
+def test_a_closed_client_leaves_a_standing_robot(model: str) -> None:
+    with puck(model) as hardware:
         port = hardware.robot.port
         hardware.robot.set_speed(8, 8)
         left, right = port.emulator.robot.motors
@@ -216,6 +221,35 @@ def test_it_is_found_on_a_terminal(kind: RobotKind) -> None:
     ):
         assert isinstance(robot, Epuck)
         assert robot.connect() == ("Version 2.0 January 2018 GCtronic",)
+
+
+def test_it_is_driven_on_wifi() -> None:
+    options = ("--no-zenoh", "--model", "epuck2", "--profile", "wifi", "--tcp", "127.0.0.1:0")
+    with emulator(*options) as process:
+        address = process.announcement.rpartition("/")[2]
+        with robot_of(f"epuck2://{address}") as robot:
+            assert isinstance(robot, WifiEpuck)
+            robot.set_speed(5, 5)
+            while robot.counters()[0] < 20:
+                robot.wait(0.01)
+            robot.stop()
+            assert robot.battery() == pytest.approx(3.9, abs=0.01)
+
+
+def test_an_address_on_wifi_is_the_robots_port() -> None:
+    found = [PortAddress.parse(f"epuck2://{host}").url for host in ("10.0.0.7", "robot:1001/")]
+    assert found == ["socket://10.0.0.7:1000", "socket://robot:1001"]
+
+
+def test_batteries_are_volts() -> None:
+    found = {}
+    for model in ("epuck", "epuck&profile=btcom", "epuck&firmware=first-revision", "epuck2"):
+        with puck(model) as hardware:
+            hardware.robot.connect()
+            found[model] = hardware.robot.battery()
+    assert found["epuck"] == pytest.approx(3.906, abs=0.001)
+    assert found["epuck2"] == pytest.approx(3.9, abs=0.001)
+    assert list(found.values())[1:3] == [None, None]
 
 
 def test_a_khepera_is_a_khepera() -> None:

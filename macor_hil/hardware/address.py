@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Final
 
+from khepera_protocol.epuck.units import WIFI_PORT
+
 DEFAULT_SEED: Final = 5
 """Robot and training that are shown; the README says over how many seeds the result holds."""
 
@@ -37,6 +39,20 @@ class PortAddress:
         It lives in virtual time, has a camera and a bench of its own, and is gone with its port.
         """
         return self.scheme == "khepera"
+
+    @property
+    def on_wifi(self) -> bool:
+        """True for an e-puck2 on WiFi, which speaks packets: `epuck2://HOST` or with a port."""
+        return self.scheme == "epuck2"
+
+    @property
+    def url(self) -> str:
+        """The device or URL that pySerial opens."""
+        if not self.on_wifi:
+            return self.text
+        host = self.text.partition("://")[2].rstrip("/")
+        port = "" if host.rpartition(":")[2].isdigit() else f":{WIFI_PORT}"
+        return f"socket://{host}{port}"
 
     @property
     def limits_writes(self) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import zenoh
+from khepera_protocol.epuck.wifi import WIFI
 
 from macor_hil.errors import GarbageError
 from macor_hil.hardware.address import PortAddress
@@ -16,6 +17,7 @@ from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.line.serial_line import open_port
 from macor_hil.hardware.options import DeviceOptions, LineOptions
 from macor_hil.hardware.robots.epuck.client import Epuck
+from macor_hil.hardware.robots.epuck.wifi import WifiEpuck
 from macor_hil.hardware.robots.robot import Robot, RobotKind
 from macor_hil.safety.interruption import unwind_on_signals
 
@@ -65,6 +67,8 @@ def robot_of(
         opened = open_it()
         if address.embedded:
             kind = RobotKind(opened.emulator.setup.model.kind)
+        elif address.on_wifi:
+            kind = RobotKind.EPUCK
         else:
             with Khepera(opened, reopen) as robot:
                 if not _is_epuck(robot):
@@ -73,7 +77,8 @@ def robot_of(
             kind, opened = RobotKind.EPUCK, open_it()
     else:
         opened = open_it()
-    client: Callable[..., Any] = _CLIENTS[kind]
+    packets = address.on_wifi or (address.embedded and opened.emulator.uart.dialect.name == WIFI)
+    client: Callable[..., Any] = WifiEpuck if packets else _CLIENTS[kind]
     with client(opened, reopen) as robot:
         robot.connect()
         yield robot

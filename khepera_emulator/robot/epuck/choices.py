@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from khepera_protocol.epuck.generations import GCTRONIC2, GENERATIONS, Generation
+from khepera_protocol.epuck.wifi import WIFI
 
 from khepera_emulator.robot.epuck.models import PLACES, EpuckModel
 from khepera_emulator.robot.switches import Form, parse_switches, switch_names
-
-WIFI: Final = "wifi"
-"""Profile of an e-puck2 that is talked to over WiFi."""
 
 _SELECTOR: Final = re.compile(r"[0-9]|1[0-5]", re.ASCII), "give 0 to 15"
 _PLACES: Final = re.compile("|".join(PLACES)), f"give {', '.join(PLACES)}"

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from khepera_protocol.epuck.framing import RequestSplitter, Sign
 from khepera_protocol.epuck.units import BAUD
-from khepera_protocol.epuck.wifi import WifiSplitter
+from khepera_protocol.epuck.wifi import WIFI, WifiSplitter
 
 from khepera_emulator.line.clock import on_grid
 from khepera_emulator.line.dialect import Dialect
-from khepera_emulator.robot.epuck.choices import SWITCHES, WIFI, Choices, parse_choices
+from khepera_emulator.robot.epuck.choices import SWITCHES, Choices, parse_choices
 from khepera_emulator.robot.kind import Berth, Console, Firmware
 
 if TYPE_CHECKING:
@@ -24,6 +24,9 @@ _SEND_LIMIT: Final = 8192
 
 _RECEIVE_LIMIT: Final = 64
 """Bytes of the firmware's ring."""
+
+_WIFI_BUSY: Final = on_grid((22 + 103) * 10 / BAUD)
+"""Seconds before an answer: meanwhile the WiFi side asks the main processor on a line inside."""
 
 _WIFI_RATE: Final = 4_000_000
 """Bits a second, of which ten make a byte: ten pictures a second (a choice)."""
@@ -57,7 +60,7 @@ class EpuckKind:
                 restart=Sign.RESTART,
                 first_rate=_WIFI_RATE,
                 stop=1,
-                busy=0.0,
+                busy=_WIFI_BUSY,
                 receive_limit=_WIFI_RECEIVE_LIMIT,
                 send_limit=_WIFI_SEND_LIMIT,
                 serial=False,

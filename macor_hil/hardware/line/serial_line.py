@@ -55,7 +55,7 @@ def open_port(address: str | PortAddress, baud: int = 9600) -> Any:
         LinkError: there is no such port, it is in use, or its emulator has gone.
     """
     port = PortAddress.parse(address) if isinstance(address, str) else address
-    url = port.text
+    url = port.url
     if port.embedded:
         try:
             import khepera_emulator  # noqa: F401 - registers the URL scheme

@@ -10,6 +10,9 @@ from typing import Final, Self
 from khepera_protocol.epuck.codes import SENSORS_SIZE
 from khepera_protocol.epuck.packets import Actuators, PacketError
 
+WIFI: Final = "wifi"
+"""Name of this way of speaking."""
+
 REQUEST_HEAD: Final = 0x80
 REQUEST_SIZE: Final = 21
 

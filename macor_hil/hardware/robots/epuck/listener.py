@@ -25,6 +25,7 @@ from khepera_protocol.epuck.wifi import (
     PICTURE,
     REQUEST_SIZE,
     SENSORS,
+    WIFI,
     WifiReader,
     WifiRequest,
     WifiSplitter,
@@ -34,9 +35,6 @@ from khepera_protocol.zenoh.payloads import WireEntry
 
 from macor_hil.hardware.robots.epuck.readings import Counting, proximity_of, volts_of
 from macor_hil.hardware.robots.form import NOTHING, REPLY, REQUEST, Listener, Passed, Reading
-
-WIFI: Final = "wifi"
-"""The dialect of packets on WiFi."""
 
 _WAITING: Final = 64
 _LONGEST: Final = 200
