@@ -24,7 +24,7 @@ from rich.progress import (
 
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras import Camera
-from macor_hil.hardware.devices import Hardware, hardware_at
+from macor_hil.hardware.devices import Hardware, hardware_at, robot_at
 from macor_hil.hardware.line.serial_line import open_port
 from macor_hil.hardware.options import DeviceOptions, ZenohOptions
 from macor_hil.monitor.goals import goal_seen
@@ -80,10 +80,11 @@ def camera_of(options: DeviceOptions) -> Iterator[Camera]:
         session = port = None
         if address.needs_session:
             session = stack.enter_context(session_of(options))
+        client = stack.enter_context(robot_at(options)) if address.needs_client else None
         if address.needs_port:
             port = open_port(options.address, options.baud)
             stack.callback(port.close)
-        eyes = address.open(port=port, session=session, robot=options.robot)
+        eyes = address.open(port=port, client=client, session=session, robot=options.robot)
         stack.callback(eyes.close)
         yield eyes
 

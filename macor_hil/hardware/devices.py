@@ -131,7 +131,7 @@ def open_hardware(
     with ExitStack() as stack:
         robot = stack.enter_context(robot_of(address, baud, kind))
         eyes = CameraAddress.parse(camera, address)  # afterwards: whatever fails, the robot stands
-        opened = eyes.open(port=robot.port, session=session, robot=name)
+        opened = eyes.open(port=robot.port, client=robot, session=session, robot=name)
         stack.callback(opened.close)
         bench: Bench | None = None
         if address.embedded:

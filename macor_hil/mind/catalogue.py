@@ -57,6 +57,7 @@ EYES: Final = Registry(
     {
         "receptive-fields": "macor_hil.mind.eyes.panorama:PanoramaEyes",
         "fields-and-floor": "macor_hil.mind.eyes.floor:FloorEyes",
+        "front": "macor_hil.mind.eyes.front:FrontEyes",
     },
 )
 

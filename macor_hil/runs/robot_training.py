@@ -3,10 +3,11 @@
 from collections.abc import Callable
 
 from macor_hil.hardware.cameras.camera_watch import CameraWatch
-from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_for
+from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_of
 from macor_hil.hardware.devices import Hardware
 from macor_hil.hardware.driver import Driver, DriveSettings, all_of
 from macor_hil.mind.brain import Brain
+from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.settings import MindSettings
 from macor_hil.runs.learning.checkpoints import train_map
 from macor_hil.runs.options import TrainOptions
@@ -38,7 +39,7 @@ def train_on(
     """
     robot, place = hardware.robot, (options.map_file, settings, options.schedule, options.port)
     drive = DriveSettings(wheels=options.measured().wheels, speed=options.speed)
-    eyes = CheckedCamera(hardware.camera, limits_for(settings.mirror))
+    eyes = CheckedCamera(hardware.camera, limits_of(build_brain(settings).eyes))
     if options.schedule.recovery is Recovery.RESET:
         return train_map(
             *place, (Driver(robot, drive, check, patient=True), eyes, hardware.bench), progress

@@ -1,6 +1,7 @@
 """Cameras by name, and addresses of cameras.
 
 * `port`: the camera of the robot behind a `khepera://` port, in this process.
+* `own`: the robot's own camera over its own line, of an e-puck; it looks ahead: `--eyes front`.
 * `zenoh`: the emulator's camera of the robot of this name; `zenoh:KEY`: a source on a Zenoh key,
   asked for a picture, or heard if it answers no queries; the one that alone answers at first.
 * `video:0`, `video:/dev/video0`: a video device, or a stream such as `video:rtsp://...`; always
@@ -10,9 +11,9 @@
 * `NAME[:SOURCE]`, `package.module:Class[:SOURCE]`, `file.py:Class[:SOURCE]`: a camera of another
   distribution or of your own.
 
-A camera is made with those of the keywords `source`, `port`, `session` and `robot` that its
-constructor has: the text after its name, the robot's open serial port, a Zenoh session and the
-robot's name.
+A camera is made with those of the keywords `source`, `port`, `client`, `session` and `robot` that
+its constructor has: the text after its name, the robot's open serial port, the robot itself, a
+Zenoh session and the robot's name.
 """
 
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ CAMERAS: Final = Registry(
     "khepera_macor.cameras",
     {
         "port": "macor_hil.hardware.cameras.port_camera:PortCamera",
+        "own": "macor_hil.hardware.cameras.port_camera:OwnCamera",
         "zenoh": "macor_hil.hardware.cameras.zenoh_camera:open_zenoh_camera",
         "video": "macor_hil.hardware.cameras.live_video:open_video_camera",
         "images": "macor_hil.hardware.cameras.files:ImagesCamera",
@@ -39,7 +41,7 @@ CAMERAS: Final = Registry(
 )
 
 AUTO: Final = "auto"
-_USUAL: Final = "port, zenoh[:KEY], video:DEVICE, video:FILE or images:FOLDER"
+_USUAL: Final = "port, own, zenoh[:KEY], video:DEVICE, video:FILE or images:FOLDER"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,13 +104,28 @@ class CameraAddress:
         """
         return "port" in signature(self._load()).parameters
 
+    @property
+    def needs_client(self) -> bool:
+        """True where the camera is the robot's own.
+
+        Raises:
+            CameraError: a camera of somebody's own cannot be loaded.
+        """
+        return "client" in signature(self._load()).parameters
+
     def open(
-        self, *, port: Any = None, session: zenoh.Session | None = None, robot: str = "khepera"
+        self,
+        *,
+        port: Any = None,
+        client: Any = None,
+        session: zenoh.Session | None = None,
+        robot: str = "khepera",
     ) -> Camera:
         """Open the camera.
 
         Args:
             port: the robot's open serial port.
+            client: the robot.
             session: Zenoh session of cameras that are reached over one.
             robot: the robot's name in Zenoh keys.
 
@@ -121,7 +138,8 @@ class CameraAddress:
             raise CameraError(f"unknown camera {quoted(str(self), 200)}; give {_all_kinds()}")
         if "session" in wanted and session is None:
             raise CameraError(f"the camera {str(self)!r} needs Zenoh, which is switched off")
-        return make_camera(make, self.source, port=port, session=session, robot=robot)
+        given = {"port": port, "client": client, "session": session, "robot": robot}
+        return make_camera(make, self.source, **given)
 
     def _load(self) -> Any:
         try:

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
 
@@ -55,6 +55,10 @@ class PictureLimits:
     repeats: int = 0
 
 
+AHEAD: Final = PictureLimits(flat=0.0)
+"""Limits of a camera without a mirror: a wall near it may fill all of its picture."""
+
+
 def limits_for(mirror: Mirror) -> PictureLimits:
     """Return limits for the camera that a mirror was described for."""
     return PictureLimits(size=(mirror.width, mirror.height), mirror=mirror)
@@ -62,6 +66,8 @@ def limits_for(mirror: Mirror) -> PictureLimits:
 
 def limits_of(eyes: Eyes) -> PictureLimits:
     """Return limits for a camera that eyes look through."""
+    if eyes.mirror is None:
+        return replace(AHEAD, size=eyes.picture_size)
     return PictureLimits(size=eyes.picture_size, mirror=eyes.mirror)
 
 

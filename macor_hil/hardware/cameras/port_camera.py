@@ -1,9 +1,10 @@
-"""The camera of an emulated robot in this process."""
+"""Cameras that are reached through the robot's port: an emulated one's, and a robot's own."""
 
 from typing import Any
 
-from macor_hil.errors import CameraError
+from macor_hil.errors import CameraError, CameraLostError, RobotError
 from macor_hil.hardware.cameras.camera import Frame
+from macor_hil.hardware.robots.robot import Seeing
 
 
 class PortCamera:
@@ -28,3 +29,40 @@ class PortCamera:
 
     def close(self) -> None:
         """Do nothing: the port owns the camera."""
+
+
+class OwnCamera:
+    """The camera of a robot that has one.
+
+    Args:
+        client: of the robot.
+    """
+
+    live = False
+    """Its pictures come on the line that the robot is driven by, one after the other: none can be
+    looked for while it drives."""
+
+    def __init__(self, client: Any) -> None:
+        if not isinstance(client, Seeing):
+            raise CameraError(
+                "the camera 'own' is a robot's own over its line, and this robot has none there;"
+                " give another one"
+            )
+        self._client = client
+        self._sequence = -1
+
+    def grab(self) -> Frame:
+        """Take a picture of this moment.
+
+        Raises:
+            CameraLostError: the robot did not send one.
+        """
+        try:
+            image = self._client.picture()
+        except RobotError as error:
+            raise CameraLostError(f"the robot sent no picture: {error}") from error
+        self._sequence += 1
+        return Frame(image, self._client.clock(), self._sequence)
+
+    def close(self) -> None:
+        """Do nothing: the robot owns the camera."""

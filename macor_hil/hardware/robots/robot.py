@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
+from macor_hil.arrays import Image
 from macor_hil.hardware.line.line_statistics import Meter
 
 
@@ -135,6 +136,21 @@ class Robot(Protocol):
 
     def battery(self) -> float | None:
         """Return the battery's voltage; None where the robot does not tell it."""
+        ...
+
+
+@runtime_checkable
+class Seeing(Protocol):
+    """A robot with a camera of its own, whose pictures come on its line."""
+
+    clock: Callable[[], float]
+
+    def picture(self) -> Image:
+        """Take a picture: blue, green and red, shape (H, W, 3).
+
+        Raises:
+            RobotError: none came.
+        """
         ...
 
 

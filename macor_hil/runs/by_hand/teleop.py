@@ -20,7 +20,7 @@ from khepera_protocol.system.single_keys import single_keys
 from macor_hil.commands import LONGEST_WAY
 from macor_hil.errors import MacorError
 from macor_hil.hardware.cameras.camera_watch import CameraWatch
-from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_for
+from macor_hil.hardware.cameras.checked_camera import AHEAD, CheckedCamera, limits_for
 from macor_hil.hardware.devices import hardware_at
 from macor_hil.hardware.driver import Driver, all_of
 from macor_hil.hardware.standstill import standing_on_failure
@@ -87,7 +87,9 @@ def teleop(options: TeleopOptions, terminal: int, say: Callable[[str], None]) ->
         ):
             if recorder:
                 _wait_until_heard(publisher, recorder)
-            camera = CheckedCamera(hardware.camera, limits_for(mirror))
+            mirrored = not options.camera_address.needs_client
+            limits = limits_for(mirror) if mirrored else AHEAD
+            camera = CheckedCamera(hardware.camera, limits)
             teller = Teller(publisher, options, settings.wheels, mirror)
             with (
                 CameraWatch(camera, options.camera_limit) as watch,

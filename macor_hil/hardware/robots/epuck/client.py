@@ -7,12 +7,13 @@ says that they have arrived), infrared sensors and step counters.
 from collections.abc import Callable
 from typing import Any, Final
 
-from khepera_protocol.epuck.codes import byte_of, pack, row, unpack
+from khepera_protocol.epuck.codes import PICTURE_HEAD, byte_of, pack, row, unpack
 from khepera_protocol.epuck.generations import GCTRONIC2, GENERATIONS, Generation
 
+from macor_hil.arrays import Image
 from macor_hil.errors import GarbageError
 from macor_hil.hardware.robots.epuck.line import EpuckLine
-from macor_hil.hardware.robots.epuck.readings import volts_of
+from macor_hil.hardware.robots.epuck.readings import image_of, volts_of
 from macor_hil.hardware.robots.epuck.steering import Pair, Seen, SteeredEpuck
 
 _STOP: Final = row(("D", pack((0, 0))))
@@ -20,6 +21,11 @@ _STOP_AND_READ: Final = row(("D", pack((0, 0))), "E")
 
 _SPEEDS, _PROXIMITY, _STEPS = slice(0, 4), slice(4, 20), slice(20, 24)
 _SIZE: Final = 24
+
+COLOUR, WIDTH, HEIGHT, _ZOOM = 1, 40, 30, 16
+"""All that the camera sees, every 16th pixel; 2403 bytes take 0.21 s at 115200 baud."""
+
+_HEAD: Final = bytes([COLOUR, WIDTH, HEIGHT])
 
 
 class Epuck(SteeredEpuck[EpuckLine]):
@@ -33,6 +39,7 @@ class Epuck(SteeredEpuck[EpuckLine]):
     def __init__(self, port: Any, reopen: Callable[[], Any] | None = None) -> None:
         super().__init__(port, reopen, EpuckLine, _stand, _STOP)
         self._firmware: Generation | None = None
+        self._framed = False
 
     def connect(self) -> tuple[str, ...]:
         """Clear the line, ask for the version, and see where the counters are.
@@ -58,6 +65,21 @@ class Epuck(SteeredEpuck[EpuckLine]):
             return None
         answer = self._repeated(lambda: self._metered(lambda: self._line.ask(row("b"), 2)), _STOP)
         return volts_of(*unpack(answer), second=firmware is GCTRONIC2)
+
+    def picture(self) -> Image:
+        """Take a picture of the robot's camera: all that it sees, thinned; see `Seeing`."""
+        return self._repeated(lambda: self._metered(self._take_picture), _STOP)
+
+    def _take_picture(self) -> Image:
+        if not self._framed:
+            self._line.say("J", COLOUR, WIDTH, HEIGHT, _ZOOM)
+            self._framed = True
+        size = WIDTH * HEIGHT * 2
+        answer = self._line.ask(row("I"), PICTURE_HEAD + size)
+        if answer[:PICTURE_HEAD] != _HEAD:
+            self._framed = False  # it has been reset, or somebody else has set another one
+            raise GarbageError(f"a picture begins with {answer[:PICTURE_HEAD]!r}", row("I"))
+        return image_of(answer[PICTURE_HEAD:], WIDTH, HEIGHT)
 
     def _ask(self, speeds: Pair) -> Seen:
         answer = self._line.ask(row(("D", pack(speeds)), "E", "N", "Q"), _SIZE)

@@ -2,8 +2,11 @@
 
 from typing import Final
 
+import numpy as np
 from khepera_protocol.epuck.letters import wrapped
 from khepera_protocol.epuck.units import SENSOR_BEARINGS, battery_volts
+
+from macor_hil.arrays import Image
 
 _ORDER: Final = (5, 6, 7, 0, 1, 2, 3, 4)
 """An e-puck's sensors from the left over the front to the back right and left."""
@@ -44,6 +47,13 @@ def volts_of(raw: int, *, second: bool) -> float | None:
         return battery_volts(raw)
     (low, least), (high, most) = _EMPTY, _CHARGED
     return least + (raw - low) * (most - least) / (high - low)
+
+
+def image_of(pixels: bytes, width: int, height: int) -> Image:
+    """Return a picture of RGB565, high byte first, as blue, green and red, shape (H, W, 3)."""
+    words = np.frombuffer(pixels, ">u2").reshape(height, width).astype(np.uint16)
+    parts = (words & 31) << 3, (words >> 5 & 63) << 2, (words >> 11) << 3
+    return np.stack(parts, axis=-1).astype(np.uint8)
 
 
 class Counting:

@@ -8,18 +8,18 @@ from typing import Any, Final
 
 from khepera_protocol.epuck.codes import SENSORS_SIZE
 from khepera_protocol.epuck.packets import Actuators, AllSensors
-from khepera_protocol.epuck.wifi import SENSORS, SIZES, WifiRequest
+from khepera_protocol.epuck.wifi import HEIGHT, PICTURE, SENSORS, SIZES, WIDTH, WifiRequest
 
+from macor_hil.arrays import Image
 from macor_hil.errors import GarbageError, SilenceError
 from macor_hil.hardware.line.open_line import BABBLE, PORT_ERRORS, QUIET, OpenLine, port_failed
-from macor_hil.hardware.robots.epuck.readings import volts_of
+from macor_hil.hardware.robots.epuck.readings import image_of, volts_of
 from macor_hil.hardware.robots.epuck.steering import Pair, Seen, SteeredEpuck
 
-PATIENCE: Final = 0.25
+_PATIENCES: Final = {SENSORS: 0.25, PICTURE: 1.0}
 """Seconds that an answer may take."""
 
 _STOP: Final = WifiRequest().pack()
-_SIZE: Final = 1 + SIZES[SENSORS]
 _STANDING: Final = 0.03
 """Seconds after which a robot that was told to stop has another count if it does not."""
 
@@ -35,25 +35,37 @@ class WifiLine(OpenLine):
             GarbageError: another one came.
             LinkError: the port failed.
         """
-        sent = WifiRequest(actuators=Actuators(wheels=speeds)).pack()
+        request = WifiRequest(actuators=Actuators(wheels=speeds))
+        return AllSensors.unpack(self._exchange(request, SENSORS)[:SENSORS_SIZE])
+
+    def picture(self) -> bytes:
+        """Stand, and return the pixels of a picture.
+
+        Raises:
+            SilenceError, GarbageError, LinkError: see `ask`.
+        """
+        return self._exchange(WifiRequest(pictures=True, sensors=False), PICTURE)
+
+    def _exchange(self, request: WifiRequest, head: int) -> bytes:
+        sent, size = request.pack(), 1 + SIZES[head]
         try:
             self.port.write(sent)
             start = self.clock()
-            data = bytes(self.port.read(_SIZE))
-            while len(data) < _SIZE and self.clock() - start < PATIENCE:
-                data += self.port.read(_SIZE - len(data))
+            data = bytes(self.port.read(size))
+            while len(data) < size and self.clock() - start < _PATIENCES[head]:
+                data += self.port.read(size - len(data))
         except PORT_ERRORS as error:
             raise port_failed(sent, error) from None
-        if len(data) < _SIZE:
+        if len(data) < size:
             raise SilenceError(
-                f"sent a packet and got {len(data)} of {_SIZE} bytes within {PATIENCE:g} s; is the"
-                " robot on, in the network, and its selector at 15?",
+                f"sent a packet and got {len(data)} of {size} bytes; is the robot on, in the"
+                " network, and its selector at 15?",
                 sent,
-                data,
+                data[:40],
             )
-        if data[0] != SENSORS:
+        if data[0] != head:
             raise GarbageError(f"a packet begins with {data[0]:#04x}: is this an e-puck2?", sent)
-        return AllSensors.unpack(data[1 : 1 + SENSORS_SIZE])
+        return data[1:]
 
     def clear(self, data: bytes = b"") -> None:
         """Send a packet, and drop what comes until it is quiet.
@@ -98,6 +110,11 @@ class WifiEpuck(SteeredEpuck[WifiLine]):
         """Return the battery's voltage."""
         sensors = self._repeated(lambda: self._metered(lambda: self._line.ask((0, 0))), _STOP)
         return volts_of(sensors.battery, second=True)
+
+    def picture(self) -> Image:
+        """Stand and take a picture of the robot's camera; see `Seeing`."""
+        pixels = self._repeated(lambda: self._metered(self._line.picture), _STOP)
+        return image_of(pixels, WIDTH, HEIGHT)
 
     def _ask(self, speeds: Pair) -> Seen:
         sensors = self._line.ask(speeds)
