@@ -34,7 +34,7 @@ class Place:
 
     @property
     def shipped(self) -> bool:
-        """Whether it is a bundled arena as it comes."""
+        """True for a bundled arena as it comes."""
         return isinstance(self.arena, str) and not self.own_colours
 
     def file(self, folder: Path) -> str:
