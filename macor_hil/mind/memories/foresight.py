@@ -46,7 +46,7 @@ class ForesightMemory:
 
     @property
     def skill(self) -> Skill | None:
-        """What was learned; None before."""
+        """The skill that was learned; None before."""
         while self._waiting:
             seen = self._waiting.pop()
             skill = learned_skill(seen.profiles, seen.commands, seen.collided, seen.earned)
