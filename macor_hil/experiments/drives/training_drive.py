@@ -64,7 +64,7 @@ class Drive:
     drift: str = "default"
     """The spread of the robots' wheels; each seed is another robot."""
     model: str = "khepera"
-    """Which robot: a model that comes with the emulator, or `file.py:MODEL`."""
+    """The robot: a model that comes with the emulator, or `file.py:MODEL`."""
     baud: _Count = 9600
     """Rate of its serial line, bits a second; an e-puck's is 115200."""
     tuning: _Count = 400

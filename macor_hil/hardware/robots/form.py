@@ -17,7 +17,7 @@ REPLY: Final = "reply"
 
 
 class Reading(NamedTuple):
-    """What a request or its reply tells of a robot; None: nothing.
+    """Facts of a robot that a request or its reply tells; None: nothing.
 
     Attributes:
         proximity: eight infrared readings, in the order and the scale of the driver.

@@ -36,7 +36,7 @@ _Line = TypeVar("_Line", bound=OpenLine)
 
 
 class Seen(NamedTuple):
-    """What a look brings, as the robot tells it.
+    """The outcome of a look, as the robot tells it.
 
     Attributes:
         proximity: the eight infrared sensors.
