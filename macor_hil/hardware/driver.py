@@ -127,6 +127,21 @@ def duration_of(settings: DriveSettings, counts: float, leash: float = inf) -> f
     return way / top + top / acceleration
 
 
+def counts_within(speed: int, acceleration: int, seconds: float) -> float:
+    """Return the counts that a profile goes from rest to rest in some seconds.
+
+    No robot on its way needs longer for its last counts, however fast it is.
+
+    Args:
+        speed, acceleration: of the profile, in the units of J.
+        seconds: how long.
+    """
+    top, rise = speed * SPEED_UNIT, acceleration * ACCELERATION_UNIT
+    if top > rise * seconds / 2:
+        return rise * seconds**2 / 4 / PULSE
+    return top * (seconds - top / rise) / PULSE
+
+
 def _longest(ways: tuple[float, float]) -> float:
     return max(abs(ways[0]), abs(ways[1]), 1.0)
 
@@ -149,6 +164,8 @@ class Driver:
         guard: what must hold while it drives; None: nothing.
         patient: whether the guard need not be asked between any two looks at a robot in this
             process, which drives a command in a millisecond.
+        alone: seconds in which a robot comes to rest that nobody can stop any more; None: it goes
+            to the end of its command, or of a leg's leash.
 
     Attributes:
         settings: how it is driven.
@@ -161,13 +178,15 @@ class Driver:
         guard: Guard | None = None,
         *,
         patient: bool = False,
+        alone: float | None = None,
     ) -> None:
         # no faster than the robot can: times are reckoned with it
         self.settings = replace(settings, speed=min(settings.speed, robot.top_speed))
         self._robot = robot
         self._guard = guard or _nothing
-        alone = patient or guard is None
-        self._followed = robot if alone and isinstance(robot, Followed) else None
+        unguarded = patient or guard is None
+        self._followed = robot if unguarded and isinstance(robot, Followed) else None
+        self._alone = alone
         self._target = (0, 0)
         self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
 
@@ -284,6 +303,10 @@ class Driver:
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
     ) -> tuple[tuple[int, ...], bool]:
         settings, robot = self.settings, self._robot
+        if self._alone is not None:
+            leash = counts_within(settings.speed, settings.acceleration, self._alone)
+            begin = target[0] - round(ways[0]), target[1] - round(ways[1])
+            return self._go_ahead(begin, ways, leash, watch=watch)
         robot.set_profile(*profiles_of(settings, ways))
         robot.go_to(*target)
         start = robot.clock()
@@ -318,11 +341,16 @@ class Driver:
     def _go_on_a_leash(
         self, begin: _Counts, ways: tuple[float, float]
     ) -> tuple[tuple[int, ...], bool]:
+        wheels = self.settings.wheels
+        return self._go_ahead(begin, ways, LEASH / min(wheels.left, wheels.right), watch=True)
+
+    def _go_ahead(
+        self, begin: _Counts, ways: tuple[float, float], leash: float, *, watch: bool
+    ) -> tuple[tuple[int, ...], bool]:
+        """Drive to targets that move on with the robot, so many counts ahead at most."""
         settings, robot = self.settings, self._robot
         longest = _longest(ways)
-        leash = LEASH / min(settings.wheels.left, settings.wheels.right)
-        profile = settings.speed, settings.acceleration
-        robot.set_profile(profile, profile)
+        robot.set_profile(*profiles_of(settings, ways))
         end = robot.clock() + duration_of(settings, longest, leash) + settings.patience
         ahead = 0.0
         left = right = WheelStatus(reached=False, speed_mode=False, error=0)
@@ -334,7 +362,8 @@ class Driver:
                 robot.go_to(begin[0] + round(ways[0] * share), begin[1] + round(ways[1] * share))
             self._guard()
             proximity = robot.proximity()
-            if is_touching(proximity, settings) or robot.clock() > end:
+            touching = watch and is_touching(proximity, settings)
+            if touching or robot.clock() > end:
                 return proximity, True
             left, right = robot.status()
             self._check_remembered(left, right)

@@ -130,9 +130,8 @@ class _DrivenRobot:
         """
         readings = self._readings
         readings.proximity = self._rolling.look()
-        self._drive()
-        readings.counters = self._robot.counters()
-        self._rolling.watch()
+        self._hear()
+        readings.counters = self._rolling.roll()
         self._tell("n", "h")
         if (now := time.monotonic()) - self._asked_battery > _BATTERY:
             self._asked_battery = now
@@ -141,7 +140,7 @@ class _DrivenRobot:
         while self._bridge.forward(0.0) and time.monotonic() - now < _A_MOMENT:
             pass
 
-    def _drive(self) -> None:
+    def _hear(self) -> None:
         twist = self._twists.latest()
         if self._controllers.there:
             self._rolling.stop()
