@@ -62,7 +62,7 @@ from macor_hil.safety.late_bell import LateBell
 from macor_hil.telemetry.metrics import metrics_of
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.wishes.steer_key import Helm, steer_key
+from macor_hil.telemetry.wishes.steer_key import Helm, PausedError, steer_key
 from macor_hil.telemetry.wishes.stop_key import stop_key
 
 _log = logging.getLogger(__name__)
@@ -261,7 +261,7 @@ class _LiveRun:
             # the inner one: the robot is stopped first
             standing_on_failure(self._robot, LONGEST_WAY),
         ):
-            guard = all_of(self._check, watch.guard, reporter.check)
+            guard = all_of(self._check, watch.guard, reporter.check, self._helm.guard)
             driver = Driver(self._robot, self._settings, guard)
             agent = Agent(self._brain, driver, reporter.watched(self._camera))
             timed = _TimedPlanner(planner, bell, self._reporter)
@@ -275,6 +275,8 @@ class _LiveRun:
                     if ending is not Ending.COLLISION or after is AfterCollision.STOP:
                         return ending
                     self._back_off(driver, rng)
+                except PausedError:
+                    reporter.move_to(self._robot.counters())
                 except (RobotError, CameraError) as error:
                     self._recover(error)
 
