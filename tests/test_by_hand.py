@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from drives import MACOR_HIL, SLOW, STATUSES, WAYS_OUT, Drive
 from emulator_process import PATIENCE, free_endpoint
-from rig import RELAYED, Rig, rig
+from hand_drives import teleop
+from rig import Rig, rig
 
 from macor_hil.errors import MacorError, RobotError
 from macor_hil.hardware.robots.robot import RobotKind
@@ -70,15 +71,6 @@ def bench(shared_bench: Rig) -> Iterator[Rig]:
     shared_bench.make_ready()
     yield shared_bench
     shared_bench.end_controllers()
-
-
-def teleop(bench: Rig, *more: str) -> Drive:
-    """A drive on a terminal of its own, whose robot stands and waits for keys."""
-    line = ["--port", str(bench.link), "--baud", str(bench.baud), "--camera", f"zenoh:{RELAYED}"]
-    ends = ["--connect", bench.endpoint, "--listen", bench.controller_endpoint]
-    drive = Drive(bench.controllers, [*MACOR_HIL, "teleop", *line, *ends, *more])
-    drive.wait_for(b"x: end")
-    return drive
 
 
 @pytest.mark.long

@@ -160,7 +160,7 @@ def test_a_robot_that_is_left_alone_stands_soon_where_that_was_asked_for(
     with open_hardware(PORT, baud=baud) as hardware:
         drive = Drive(hardware, None)
         settings = DriveSettings(speed=speed)
-        driver = Driver(hardware.robot, settings, lambda: drive._guard(), alone=0.42)
+        driver = Driver(hardware.robot, settings, lambda: drive._guard(), alone=0.36)
         driver.start()
         whole = driver.execute(STRAIGHT)
         assert not whole.collided

@@ -2,15 +2,14 @@
 
 import signal
 import struct
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from math import inf, nan
 
 import pytest
-import zenoh
-from controller_helpers import PATIENCE, free_endpoint
-from drives import MACOR_HIL, STATUSES, WAYS_OUT, Drive
+from controller_helpers import free_endpoint
+from drives import STATUSES, WAYS_OUT, Drive
+from hand_drives import Joystick, driven_by_ros
 from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE
 from rig import STANDING, Rig, rig
 from rosbags.typesys.stores import ros2_jazzy as ros
@@ -19,11 +18,8 @@ from macor_hil.hardware.driver import DriveSettings
 from macor_hil.hardware.khepera import Khepera, open_port
 from macor_hil.runs.by_hand.rolling import LIMIT, Rolling
 from macor_hil.telemetry.ros2.messages import cdr, header, twist
-from macor_hil.telemetry.ros2.twists import Twists, read_twist
+from macor_hil.telemetry.ros2.twists import read_twist
 from macor_hil.telemetry.session import open_session
-
-TOPICS = [topic for topic, _ in Twists("/khepera").heard()]
-STAMPED = ros.geometry_msgs__msg__TwistStamped(header(1, "base_link"), twist(0.1, -0.5))
 
 
 @pytest.mark.parametrize("frame", ["", "a", "base", "base_link", "khepera/base_link"])
@@ -68,7 +64,7 @@ def speeds(robot: Khepera, seconds: float, look: Callable[[], object]) -> list[t
         truth = robot.port.emulator.truth()
         seen.append((robot.clock(), max(map(abs, truth.speed))))
         look()
-        robot.wait(0.01)
+        robot.port.emulator.advance(robot.clock() + 0.01)
     return seen
 
 
@@ -95,14 +91,14 @@ def test_a_single_word_is_driven_for_a_moment(motion: tuple[float, float], looks
         assert max(when for when, speed in seen if speed > 0.004) - told < LIMIT
 
 
-@pytest.mark.parametrize("speed", [0.04, 0.08, 0.16])
+@pytest.mark.parametrize("speed", [0.04, 0.08, 0.128])
 @pytest.mark.parametrize("baud", [9600, 57600])
 def test_words_that_follow_each_other_are_one_drive(speed: float, baud: int) -> None:
     robot, rolling = in_virtual_time(baud=baud)
     seen: list[tuple[float, float]] = []
-    for _ in range(12):
+    for _ in range(20):
         rolling.go(speed, 0.0)
-        end = robot.clock() + 0.2
+        end = robot.clock() + 0.1
         while robot.clock() < end:
             rolling.look()
             rolling.roll()
@@ -158,35 +154,10 @@ def bench(shared_bench: Rig) -> Iterator[Rig]:
     shared_bench.end_controllers()
 
 
-class Joystick:
-    """A ROS node that says where to go, in the same Zenoh network."""
-
-    def __init__(self, session: zenoh.Session, stamped: bool) -> None:
-        topic, message = (TOPICS[1], STAMPED) if stamped else (TOPICS[0], twist(0.1, 0.5))
-        self._key, self._data, self._session = topic.key(7), cdr(message), session
-
-    def push(self, bench: Rig) -> None:
-        """Say it until the robot moves."""
-        end = time.monotonic() + PATIENCE
-        while bench.truth()[1] < 0.05:
-            self.say()
-            assert time.monotonic() < end, "the robot does not move"
-
-    def say(self) -> None:
-        time.sleep(0.02)  # as fast as a joystick
-        self._session.put(self._key, self._data)
-
-
-def driven(bench: Rig, *more: str) -> Drive:
-    line = ["--port", str(bench.link), "--baud", str(bench.baud), "--domain", "7"]
-    command = [*MACOR_HIL, "ros2", "--drive", *line, "--connect", bench.endpoint, *more]
-    return Drive(bench.controllers, command)
-
-
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("stamped", [False, True])
 def test_a_robot_that_hears_nothing_more_stands(bench: Rig, stamped: bool) -> None:
-    drive = driven(bench)
+    drive = driven_by_ros(bench)
     with open_session([free_endpoint()], [bench.endpoint]) as session:
         joystick = Joystick(session, stamped)
         assert bench.stops_within(LIMIT, lambda: joystick.push(bench))
@@ -211,7 +182,7 @@ def test_every_way_out_stops_a_robot_that_ros_drives(bench: Rig, way: str) -> No
 
     def attempt() -> None:
         bench.make_ready()
-        drives.append(driven(bench))
+        drives.append(driven_by_ros(bench))
         with open_session([free_endpoint()], [bench.endpoint]) as session:
             Joystick(session, stamped=False).push(bench)
             ENDS[way](drives[-1])
@@ -224,7 +195,7 @@ def test_every_way_out_stops_a_robot_that_ros_drives(bench: Rig, way: str) -> No
 @pytest.mark.long
 @pytest.mark.wall_clock
 def test_ros_never_drives_beside_a_controller(bench: Rig) -> None:
-    drive = driven(bench)
+    drive = driven_by_ros(bench)
     with (
         open_session([free_endpoint()], [bench.endpoint]) as session,
         ExitStack() as controller,
@@ -241,7 +212,7 @@ def test_ros_never_drives_beside_a_controller(bench: Rig) -> None:
         for _ in range(20):
             joystick.say()
         assert bench.truth()[1] < STANDING
-        refused = driven(bench)
+        refused = driven_by_ros(bench)
         assert refused.wait() == 2
         refused.wait_for(b"a controller drives khepera; end it first")
         controller.close()

@@ -9,7 +9,7 @@ comes to rest at the end of the way.
 from math import inf
 from typing import Final
 
-from khepera_protocol.serial.units import ACCELERATION_UNIT, CONTROL_PERIOD, SPEED_UNIT
+from khepera_protocol.serial.units import CONTROL_PERIOD
 
 from macor_hil.hardware.driver import DriveSettings, counts_within, is_touching
 from macor_hil.hardware.robots.robot import Robot
@@ -18,18 +18,19 @@ LIMIT: Final = 0.5
 """Seconds within which the robot stands after a velocity, if no other one comes, and after the
 program's end, however that comes."""
 
-ALONE: Final = 0.42
+ALONE: Final = 0.36
 """Seconds that the way ahead takes at most; the rest of the limit is for the line, and for wheels
 to settle."""
 
-_LASTS: Final = 0.25
+_LASTS: Final = 0.2
 """Seconds for which a velocity holds; the rest of the limit is for a look, a stop and its way."""
 
-_ACCELERATION: Final = 255
-"""In units of the command J: the greatest."""
+_ACCELERATION: Final = 240
+"""In units of the command J. At the greatest, 255, wheels come to rest with a longer quiver."""
 
-_FASTEST: Final = int(ALONE / 2 * _ACCELERATION * ACCELERATION_UNIT / SPEED_UNIT)
-"""Counts / 10 ms, 16 cm/s: at more, a robot does not come to rest on that way."""
+_FASTEST: Final = 16
+"""Counts / 10 ms, 12.8 cm/s. A faster robot would have to brake on that way before it moves on: at
+9600 baud that is after 0.13 s."""
 
 _SMALLEST: Final = 0.5
 """Counts / 10 ms that are no motion."""
