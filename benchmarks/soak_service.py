@@ -86,10 +86,12 @@ class Use(NamedTuple):
     threads: int
 
 
-def use_of(pid: int) -> Use:
-    """Return the resources of a process now."""
+def use_of(pid: int) -> Use | None:
+    """Return the resources of a process now; None: it has ended."""
     status = Path(f"/proc/{pid}/status").read_text()
     facts = dict(line.split(":", 1) for line in status.splitlines())
+    if "VmRSS" not in facts:
+        return None
     memory = int(facts["VmRSS"].split()[0]) / 1024
     return Use(memory, len(list(Path(f"/proc/{pid}/fd").iterdir())), int(facts["Threads"]))
 
@@ -250,9 +252,16 @@ class Soak:
             ("router", self._router.process),
             ("dashboard", self._dashboard.process),
         ):
-            if process.poll() is not None:
-                raise SystemExit(f"the {name} ended by itself: {self._controller.lines[-3:]}")
-            self._life(name).uses.append(use_of(process.pid))
+            use = use_of(process.pid)
+            if use is None:
+                status = process.wait()
+                said = process.stderr.read() if process.stderr else ""
+                said += self._bench.log.read_text()[-1000:] if self._bench.log else ""
+                raise SystemExit(
+                    f"the {name} ended by itself with {status}: {said}"
+                    f" {self._controller.lines[-3:]}, {self._dashboard.lines[-3:]}"
+                )
+            self._life(name).uses.append(use)
         times = [self._since, *self._controller.times[-20:]]
         silence = time.monotonic() - times[-1]
         gaps = [b - a for a, b in pairwise(times[1:])]

@@ -182,7 +182,7 @@ class Rig:
         self.baud = baud
         self.router = Router(self.folder) if routed else None
         self._relayed = not routed if relay is None else relay
-        self._log = log
+        self.log = log
         self._options = (
             *("--arena", arena, "--link", str(self.link), "--listen", self.endpoint),
             *("--baud", str(baud), *options),
@@ -210,9 +210,9 @@ class Rig:
         self.emulator = self._started()
 
     def _started(self) -> EmulatorProcess:
-        if self._log is None:
+        if self.log is None:
             return EmulatorProcess(*self._options)
-        with self._log.open("ab") as file:
+        with self.log.open("ab") as file:
             return EmulatorProcess(*self._options, stderr=file)
 
     def controller(self, map_file: Path, **fields: object) -> Controller:
