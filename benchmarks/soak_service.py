@@ -10,7 +10,7 @@ learns on and never gives up. Line and robot have all of their faults by chance;
 the controller is set anew again and again; camera, Zenoh sessions, router, emulator and watchers
 get their faults from here. Now and then each process is killed, or told to end, and started again,
 as a supervisor does. What is asked: decisions go on, nothing that was learned is lost, memory and
-descriptors of all stay flat. A week is `--hours 168`.
+descriptors of all stay flat. A week is `--hours 168`; SIGTERM ends it earlier, with its report.
 """
 
 import json
@@ -86,13 +86,11 @@ class Use(NamedTuple):
     threads: int
 
 
-def use_of(pid: int) -> Use | None:
-    """Return the resources of a process now; None: it has ended."""
+def use_of(pid: int) -> Use:
+    """Return the resources of a process now; one that has ended has no memory."""
     status = Path(f"/proc/{pid}/status").read_text()
     facts = dict(line.split(":", 1) for line in status.splitlines())
-    if "VmRSS" not in facts:
-        return None
-    memory = int(facts["VmRSS"].split()[0]) / 1024
+    memory = int(facts.get("VmRSS", "0").split()[0]) / 1024
     return Use(memory, len(list(Path(f"/proc/{pid}/fd").iterdir())), int(facts["Threads"]))
 
 
@@ -114,11 +112,14 @@ def main() -> None:
         with rig(folder, *options, relay=True, routed=True, log=told) as bench:
             trained = train_shortly(Path(folder) / "map.npz")
             soak = Soak(bench, trained, given.hours * _HOUR, given.speed)
-            text = soak.run(console)
+            try:
+                text = soak.run(console)
+            except SystemExit:
+                console.print(soak.report())
+                raise
         faults_told = Counter(_FAULT_TOLD.findall(told.read_text()))
     of_itself = ", ".join(f"{count} x {kind}" for kind, count in sorted(faults_told.items()))
     text = text.replace("FAULTS", of_itself)
-    text = f"{given.hours:g} h of the robot, {given.speed:g} times faster. {text}"
     console.print(text)
     if given.write:
         write_part(DOCS / "safety.md", "soak", text)
@@ -154,6 +155,7 @@ class Soak:
         self._steps = 0
         self._lost: list[int] = []
         self._longest = 0.0
+        self._lived = 0.0
         self._controller = self._started()
         self._dashboard = self._shown()
         for name in ("emulator", "router"):
@@ -185,9 +187,11 @@ class Soak:
         }
         # each of them once at least, and early: what lives long is to be seen, too
         due = list(restarts)
-        lived, last, told = 0.0, self._clock(), 0.0
-        while lived < self._seconds:
-            if due and lived > self._seconds * 0.4 * (1 - len(due) / len(restarts)):
+        last, told = self._clock(), 0.0
+        asked: list[int] = []
+        signal.signal(signal.SIGTERM, lambda number, _: asked.append(number))
+        while self._lived < self._seconds and not asked:
+            if due and self._lived > self._seconds * 0.4 * (1 - len(due) / len(restarts)):
                 what = due.pop(0)
             else:
                 what = list(happenings)[self._rng.choice(len(happenings), p=[*happenings.values()])]
@@ -195,18 +199,18 @@ class Soak:
             time.sleep(self._rng.uniform(*_PAUSES))
             self._look()
             now = self._clock()
-            lived, last = lived + max(0.0, now - last), now
-            if lived - told > self._seconds / 24:
-                told = lived
+            self._lived, last = self._lived + max(0.0, now - last), now
+            if self._lived - told > self._seconds / 24:
+                told = self._lived
                 used = ", ".join(
                     f"{name} {self._life(name).uses[-1].memory:.0f} MB" for name in self._names()
                 )
                 console.print(
-                    f"{lived / _HOUR:.1f} h: {self._total()} decisions,"
+                    f"{self._lived / _HOUR:.1f} h: {self._total()} decisions,"
                     f" {self._befell.total()} faults; {used}"
                 )
         self._end(signal.SIGTERM)
-        return self._text()
+        return self.report()
 
     def _started(self) -> Controller:
         controller = self._bench.controller(
@@ -253,9 +257,9 @@ class Soak:
             ("dashboard", self._dashboard.process),
         ):
             use = use_of(process.pid)
-            if use is None:
+            if not use.memory:
                 status = process.wait()
-                said = process.stderr.read() if process.stderr else ""
+                said = str(process.stderr.read()) if process.stderr else ""
                 said += self._bench.log.read_text()[-1000:] if self._bench.log else ""
                 raise SystemExit(
                     f"the {name} ended by itself with {status}: {said}"
@@ -366,13 +370,15 @@ class Soak:
                     feed.get(0.1)
         return "watchers"
 
-    def _text(self) -> str:
+    def report(self) -> str:
+        """Return what came of it so far; FAULTS stands for those of line and robot."""
         befell = ", ".join(f"{count} x {what}" for what, count in sorted(self._befell.items()))
         rows = [_row(name, self._lives) for name in self._names()]
         head = ("process", "lives", "memory", "greatest growth in a life", "descriptors", "threads")
         kept = self._steps - sum(self._lost)
         return (
-            f"{self._steps} decisions; the longest time without one was {self._longest:.0f} s."
+            f"{self._lived / _HOUR:.0f} h of the robot, {self._speed:g} times faster."
+            f" {self._steps} decisions; the longest time without one was {self._longest:.0f} s."
             f" {kept} of {self._steps} commands that were told are in the map; those that are not"
             f" had not been written when the controller was killed. Faults of the line and of the"
             f" robot: FAULTS. From outside: {befell}.\n\n{table(head, rows)}"

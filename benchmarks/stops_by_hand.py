@@ -29,7 +29,7 @@ _ROUND: Final = (0.13, 2.6)
 
 
 def causes(wait: Callable[[Rig, np.random.Generator], None]) -> Iterator[tuple[str, str, Cause]]:
-    """Every program that somebody drives or steers by, and every way to end that.
+    """Yield every program that somebody drives or steers by, and every way to end that.
 
     Args:
         wait: returns at a random moment of a drive.
@@ -49,7 +49,7 @@ def causes(wait: Callable[[Rig, np.random.Generator], None]) -> Iterator[tuple[s
 def unseen(
     wait: Callable[[Rig, np.random.Generator], None], ways: dict[str, Way]
 ) -> Iterator[tuple[str, str, Cause]]:
-    """The same programs, ended by what they do not see: `ways`, and a pulled cable."""
+    """Yield the same programs, ended by what they do not see: `ways`, and a pulled cable."""
     for way, end in ways.items():
         yield TELEOP, way, _by_keys(wait, end)
     yield TELEOP, "a pulled cable", _by_keys(wait, None, cable=True)
@@ -69,9 +69,7 @@ def _by_keys(
 
     def cause(bench: Rig, _: Path, rng: np.random.Generator) -> None:
         line = Cable(bench) if cable else None
-        drive = teleop(
-            bench, "--speed", str(SLOW), "--stop-key", port=line.port if line else None
-        )
+        drive = teleop(bench, "--speed", str(SLOW), "--stop-key", port=line.port if line else None)
         drive.answer(b"w")
         with open_session([], [bench.controller_endpoint]) as session:
             wait(bench, rng)

@@ -1,12 +1,12 @@
 """A controller as a process of its own: `python controller_process.py JSON`.
 
-The JSON text holds fields of `RunOptions`, and `trouble`:
-`slow planner` (it takes seconds once the robot has made a step), `exception` (a defect while the
-robot drives), `clock jump` (an hour ahead), `clock jumps` (up to a day either way, again and
-again). With `hurry`, the clock that the robot's drives are timed by goes so many times faster, as an
-emulator with `--speed` does; what is on the line is timed as ever. The planner `circle` always turns left: round and round
-without ever meeting a wall. A line `step` is printed for each decision, the end of the run or its
-error last; with `forever` the next run follows, until a signal comes.
+The JSON text holds fields of `RunOptions`, and `trouble`: `slow planner` (it takes seconds once the
+robot has made a step), `exception` (a defect while the robot drives), `clock jump` (an hour ahead),
+`clock jumps` (up to a day either way, again and again). With `hurry`, the clock that the robot's
+drives are timed by goes so many times faster, as an emulator with `--speed` does; what is on the
+line is timed as ever. The planner `circle` always turns left: round and round without ever meeting
+a wall. A line `step` is printed for each decision, the end of the run or its error last; with
+`forever` the next run follows, until a signal comes.
 """
 
 import json

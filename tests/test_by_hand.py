@@ -159,7 +159,9 @@ def test_the_kind_of_robot_that_is_named_is_driven() -> None:
 @pytest.mark.parametrize(
     "way",
     [
-        pytest.param(way, marks=() if way in ("terminal closed", "x", "SIGKILL") else pytest.mark.long)
+        pytest.param(
+            way, marks=() if way in ("terminal closed", "x", "SIGKILL") else pytest.mark.long
+        )
         for way in ENDS
     ],
 )

@@ -133,7 +133,8 @@ def counts_within(speed: int, acceleration: int, seconds: float) -> float:
     No robot on its way needs longer for its last counts, however fast it is.
 
     Args:
-        speed, acceleration: of the profile, in the units of J.
+        speed: of the profile, in the units of J.
+        acceleration: of the profile.
         seconds: how long.
     """
     top, rise = speed * SPEED_UNIT, acceleration * ACCELERATION_UNIT
