@@ -32,7 +32,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from drives import MACOR_HIL
-from emulator_process import PATIENCE
 from page import DOCS, table, write_part
 from rich.console import Console
 from rig import Controller, Rig, rig
@@ -114,7 +113,7 @@ def main() -> None:
             soak = Soak(bench, trained, given.hours * _HOUR, given.speed)
             try:
                 text = soak.run(console)
-            except SystemExit:
+            except (SystemExit, AssertionError):
                 console.print(soak.report())
                 raise
         faults_told = Counter(_FAULT_TOLD.findall(told.read_text()))
@@ -234,7 +233,7 @@ class Soak:
         """Start a dashboard."""
         where = ["--port", "0", "--connect", self._router.endpoint]
         dashboard = self._bench.start([*MACOR_HIL, "dashboard", *where])
-        dashboard.wait_for(lambda lines: bool(lines))
+        dashboard.wait_for(lambda lines: bool(lines), _SILENT)
         self._live("dashboard")
         return dashboard
 
@@ -350,9 +349,9 @@ class Soak:
     def _browse(self) -> str:
         """Let a browser look at the dashboard for a while, and go."""
         address = str(self._dashboard.lines[0]).replace("http", "ws", 1).rstrip("/")
-        with connect(f"{address}/live", open_timeout=PATIENCE, close_timeout=1.0) as page:
+        with connect(f"{address}/live", open_timeout=_SILENT, close_timeout=1.0) as page:
             page.send(json.dumps({}))
-            assert json.loads(page.recv(PATIENCE))["parts"]
+            assert json.loads(page.recv(_SILENT))["parts"]
             time.sleep(self._rng.uniform(0.0, 2.0))
         return "browser"
 

@@ -10,7 +10,6 @@ import numpy as np
 from drives import MACOR_HIL, SLOW, WAYS_OUT, Cable, Drive
 from emulator_process import PATIENCE
 from hand_drives import HeldJoystick, driven_by_ros, teleop
-from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE
 from rig import Rig
 from websockets.sync.client import connect
 
@@ -118,8 +117,7 @@ def _joined(wait: Callable[[Rig, np.random.Generator], None]) -> Cause:
         driven_by_ros(bench)
         joystick = HeldJoystick(bench, _ROUND)
         wait(bench, rng)
-        # it is there until the joystick's session is closed
-        joystick.session.liveliness().declare_token(CONTROLLER_ALIVE.of("khepera"))
+        joystick.join_a_controller()
 
     return cause
 

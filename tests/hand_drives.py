@@ -7,6 +7,7 @@ from pathlib import Path
 import zenoh
 from drives import MACOR_HIL, Drive
 from emulator_process import PATIENCE, free_endpoint
+from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE
 from rig import RELAYED, Rig
 from rosbags.typesys.stores import ros2_jazzy as ros
 
@@ -68,8 +69,9 @@ class HeldJoystick:
 
     def __init__(self, bench: Rig, motion: tuple[float, float]) -> None:
         self._context = open_session([free_endpoint()], [bench.endpoint])
-        self.session = self._context.__enter__()
-        self._joystick = Joystick(self.session, motion=motion)
+        self._session = self._context.__enter__()
+        self._joystick = Joystick(self._session, motion=motion)
+        self._controller: zenoh.LivelinessToken | None = None
         self._held = True
         self._hand = threading.Thread(target=self._hold)
         self._hand.start()
@@ -79,6 +81,11 @@ class HeldJoystick:
         """Say nothing more."""
         self._held = False
         self._hand.join()
+
+    def join_a_controller(self) -> None:
+        """Let a controller of that robot be there until the end."""
+        key = CONTROLLER_ALIVE.of("khepera")
+        self._controller = self._session.liveliness().declare_token(key)
 
     def close(self) -> None:
         self.let_go()

@@ -25,6 +25,10 @@ to settle."""
 _LASTS: Final = 0.2
 """Seconds for which a velocity holds; the rest of the limit is for a look, a stop and its way."""
 
+_LEFT: Final = 0.3
+"""Seconds that the way ahead takes at most beyond the end of its velocity: a program that is held
+up need not even stop the robot."""
+
 _ACCELERATION: Final = 240
 """In units of the command J. At the greatest, 255, wheels come to rest with a longer quiver."""
 
@@ -94,7 +98,8 @@ class Rolling:
         if profiles != self._profiles:
             self._robot.set_profile(*profiles)
             self._profiles = profiles
-        way = counts_within(max(1, round(top)), _ACCELERATION, ALONE)
+        seconds = min(ALONE, self._ends + _LEFT - self._robot.clock())
+        way = counts_within(max(1, round(top)), _ACCELERATION, seconds)
         self._robot.go_to(here[0] + round(left / top * way), here[1] + round(right / top * way))
         return here
 
