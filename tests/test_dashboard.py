@@ -577,7 +577,8 @@ class Counted(bytes):
 def test_a_recording_is_not_held_in_memory() -> None:
     events = a_long_life()
 
-    def read(_: float, **__: bool) -> tuple[str, Iterator[Event]]:
+    def read(begin: float, **_: bool) -> tuple[str, Iterator[Event]]:
+        assert begin <= 0.0
         return "khepera", (
             replace(event, data=Counted(event.data)) if isinstance(event, Arrival) else event
             for event in events

@@ -276,7 +276,7 @@ class _LiveRun:
                         return ending
                     self._back_off(driver, rng)
                 except PausedError:
-                    reporter.move_to(self._robot.counters())
+                    self._find()
                 except (RobotError, CameraError) as error:
                     self._recover(error)
 
@@ -345,6 +345,30 @@ class _LiveRun:
             RobotError, CameraError: they do not in time; or nothing but failures comes.
         """
         patience = self._options.recovery
+        while True:
+            more = self._get_back(error, patience)
+            try:
+                self._reporter.move_to(self._robot.counters())
+                break
+            except RobotError as again:
+                error = again
+        self._reporter.recoveries += 1
+        if more > 0:
+            pause(min(2.0**more, _LONGEST_PAUSE), self._check)
+
+    def _find(self) -> None:
+        """Know where a robot stands that was stopped in mid-command.
+
+        Raises:
+            RobotError, CameraError: see `_recover`.
+        """
+        try:
+            self._reporter.move_to(self._robot.counters())
+        except RobotError as error:
+            self._recover(error)
+
+    def _get_back(self, error: MacorError, patience: float) -> int:
+        """Wait until robot and camera work; return how many failures too many were in a row."""
         if patience <= 0.0 or self._interruption.name or is_hopeless(error, self._camera):
             raise error
         self._in_a_row += 1
@@ -354,10 +378,7 @@ class _LiveRun:
         _log.warning("recovering from: %s", error)
         self._reporter.say(Phase.RECOVERING, str(error))
         wait_until_both_work(self._robot, self._camera, patience, self._check)
-        self._reporter.move_to(self._robot.counters())
-        self._reporter.recoveries += 1
-        if more > 0:
-            pause(min(2.0**more, _LONGEST_PAUSE), self._check)
+        return more
 
     def _planner_is_late(self) -> None:
         """Tell that the planner has not decided for a while; the robot stands meanwhile."""
