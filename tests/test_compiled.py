@@ -24,6 +24,7 @@ from macor_hil.commands import COMMANDS
 from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.driver import Driver, DriveSettings
 from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robots.robot import Arc
 from macor_hil.mind.catalogue import build_brain
 
 needs_numba = pytest.mark.skipif(not compiled.is_installed(), reason="Numba is not installed")
@@ -50,7 +51,7 @@ def state_of(hardware: Hardware) -> dict[str, Any]:
         "line": (uart.receiver_free, uart.interpreter_free, uart.sender_free),
         "meter": hardware.robot.meter.read(),
         # blocks that were drawn ahead do not count
-        "drawn": (len(robot.slips._rows) % 256, len(robot.infrared.noise._rows) % 64),
+        "drawn": (robot.slips.left % 256, robot.infrared.noise.left % 64),
     }
 
 
@@ -69,6 +70,8 @@ def driven(hardware: Hardware, settings: DriveSettings, seed: int) -> Iterator[A
         left, right = rng.integers(-20, 20, 2).tolist()
         yield driver.hold(left, right, 0.4), state_of(hardware)
 
+
+ARC = Arc((20, 64, 20, 64), (50, 50), 1000, 0.3, 0.5)
 
 WATCHING = DriveSettings()
 PUSHING = DriveSettings(collision=5_000, patience=0.1)
@@ -93,7 +96,8 @@ PUSHING = DriveSettings(collision=5_000, patience=0.1)
 def test_watching_a_robot(url: str, settings: DriveSettings) -> None:
     baud = 38_400 if "seed=6" in url else 9600
     with open_hardware(url, baud=baud) as compiled_one, open_hardware(url, baud=baud) as plain_one:
-        as_type(Khepera, plain_one.robot)._watch = None
+        plain = as_type(Khepera, plain_one.robot)
+        plain._watch = plain._drive = None
         for seed, both in enumerate(
             zip(driven(compiled_one, settings, 1), driven(plain_one, settings, 1), strict=True)
         ):
@@ -110,7 +114,8 @@ def test_watching_a_robot(url: str, settings: DriveSettings) -> None:
 def test_what_is_more_than_a_robot_among_walls_is_left_to_the_client(options: str) -> None:
     port: Any = serial.serial_for_url(f"khepera://corridor?{options}", timeout=1)
     with port:
-        assert port.watch(1000, 0.0, 0.1) is None
+        assert port.watch(1000, 0.1) is None
+        assert port.drive(*ARC) is None
 
 
 @pytest.mark.long
@@ -119,9 +124,11 @@ def test_what_is_more_than_a_robot_among_walls_is_left_to_the_client(options: st
 def test_a_line_that_is_not_silent_is_left_to_the_client() -> None:
     with open_hardware("khepera://corridor") as hardware:
         port = hardware.robot.port
-        assert port.watch(1000, 0.0, 0.1) is not None
+        assert port.watch(1000, 0.1) is not None
+        assert port.drive(*ARC) is not None
         port.write(b"H")
-        assert port.watch(1000, 0.0, 0.1) is None
+        assert port.watch(1000, 0.1) is None
+        assert port.drive(*ARC) is None
 
 
 @needs_numba
