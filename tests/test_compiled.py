@@ -14,7 +14,7 @@ import serial
 from as_type import as_type
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.system import compiled
-from khepera_protocol.system.compiled import ALWAYS, NEVER, VARIABLE, PlainRuns, load
+from khepera_protocol.system.compiled import ALWAYS, AUTO, NEVER, VARIABLE, Kernel, load
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 from khepera_emulator.arenas.arena import load_arena
@@ -26,6 +26,8 @@ from macor_hil.hardware.driver import Driver, DriveSettings
 from macor_hil.hardware.khepera import Khepera
 from macor_hil.hardware.robots.robot import Arc
 from macor_hil.mind.catalogue import build_brain
+
+PATIENCE = 120.0
 
 needs_numba = pytest.mark.skipif(not compiled.is_installed(), reason="Numba is not installed")
 
@@ -182,16 +184,44 @@ def test_a_process_loads_them_when_it_has_run_the_plain_forms_for_long(
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(compiled, "is_installed", lambda: True)
     monkeypatch.delitem(sys.modules, "numba", raising=False)
-    runs = PlainRuns(16)
-    assert [runs.are_enough() for _ in range(18)] == [False] * 16 + [True] * 2
+    kernel = Kernel("some:function", 16)
+    assert [kernel.is_due() for _ in range(18)] == [False] * 16 + [True] * 2
     monkeypatch.setitem(sys.modules, "numba", sys)
-    runs = PlainRuns(16)
-    assert [runs.are_enough() for _ in range(4)] == [False] * 2 + [True] * 2
+    kernel = Kernel("some:function", 16)
+    assert [kernel.is_due() for _ in range(4)] == [False] * 2 + [True] * 2
     monkeypatch.setenv(VARIABLE, NEVER)
-    assert not runs.are_enough()
+    assert not kernel.is_due()
     monkeypatch.setattr(compiled, "is_installed", lambda: False)
     monkeypatch.setenv(VARIABLE, ALWAYS)
-    assert not runs.are_enough()
+    assert not kernel.is_due()
+
+
+SUM = """
+from khepera_protocol.system.compiled import compiled
+
+@compiled
+def total(numbers):
+    return numbers.sum()
+"""
+
+
+@needs_numba
+def test_machine_code_is_made_by_another_process_while_the_plain_form_runs(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "summing.py").write_text(SUM)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv(VARIABLE, AUTO)
+    kernel, numbers = Kernel("summing:total", 0), np.arange(4.0)
+    assert not kernel.pays(numbers)
+    assert kernel._maker is not None
+    assert kernel._maker.wait(PATIENCE) == 0
+    assert kernel.pays(numbers)
+    assert kernel(numbers) == 6.0
+    assert kernel._function.stats.cache_hits
+    again = Kernel("summing:total", 0)
+    assert again.pays(numbers)
+    assert again._maker is None
 
 
 def test_machine_code_older_than_a_source_is_taken_away(tmp_path: Path) -> None:

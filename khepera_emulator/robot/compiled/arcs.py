@@ -8,13 +8,14 @@ from typing import Any
 
 from khepera_protocol.system.compiled import compiled
 
+from khepera_emulator.robot.compiled.layout import SEEN
 from khepera_emulator.robot.compiled.talking import (
     ask_counters,
     set_profiles,
     set_speeds,
     set_targets,
 )
-from khepera_emulator.robot.compiled.watching import SEEN, watch
+from khepera_emulator.robot.compiled.watching import watch
 
 
 @compiled

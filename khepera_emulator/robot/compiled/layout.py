@@ -16,8 +16,14 @@ Records = NDArray[np.void]
 
 _REAL, _WHOLE = np.float64, np.int64
 
+LEFT, RIGHT = np.int64(0), np.int64(1)
+"""Wheels. A function that is given a plain number is compiled for that number alone."""
+
 SPEED, POSITION, DUTY = 0, 1, 2
 """Controllers that drive a wheel, as `body.motors.Mode`."""
+
+MORE, SEEN, TOLD = 0, 1, 2
+"""Ends of a watch: more numbers must be drawn; after a reply of the sensors, of the controllers."""
 
 ROBOT: Final = np.dtype(
     [

@@ -5,16 +5,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from khepera_protocol.serial.units import CONTROL_PERIOD
-from khepera_protocol.system.compiled import PlainRuns, load
+from khepera_protocol.system.compiled import Kernel
 from numpy.typing import NDArray
 
 from khepera_emulator.line.uart import Uart
-from khepera_emulator.robot.compiled.layout import Stage
+from khepera_emulator.robot.compiled.layout import MORE, Stage
 from khepera_emulator.robot.compiled.packing import Packed, is_quick, line_of, stage_of
 from khepera_emulator.robot.fleet import Fleet
 from khepera_emulator.robot.khepera.robot import Robot
-
-_RUNS: Final = PlainRuns(400)
 
 _AHEAD: Final = 48
 """Rows of random numbers that are ready for a watch, at least."""
@@ -22,8 +20,8 @@ _AHEAD: Final = 48
 _BESIDES: Final = 160
 """Control periods that the exchanges before and after an arc take, at most."""
 
-_WATCH: Final = "khepera_emulator.robot.compiled.watching"
-_DRIVE: Final = "khepera_emulator.robot.compiled.arcs"
+_WATCH: Final = Kernel("khepera_emulator.robot.compiled.watching:watch", 400)
+_DRIVE: Final = Kernel("khepera_emulator.robot.compiled.arcs:drive_arc", 400)
 
 _LINE: Final = ("receiver_free", "interpreter_free", "sender_free")
 
@@ -100,16 +98,17 @@ class Watcher:
         Returns:
             None: it is left to the client, who comes to the same by asking again and again.
         """
-        if not (_suits(robot, fleet, uart) and _RUNS.are_enough()):
+        if not (_suits(robot, fleet, uart) and _WATCH.is_due()):
             return None
-        kernel, line = load(_WATCH), line_of(uart)
         packed, stage = self._pack(robot, fleet, uart)
-        exchanges, longest, end = 0, 0.0, kernel.MORE
-        while end == kernel.MORE:
+        exchanges, longest, end = 0, 0.0, MORE
+        while end == MORE:
             slips, noises = robot.slips.ahead(_AHEAD), robot.infrared.noise.ahead(_AHEAD)
-            end, asked, long, _ = kernel.watch(
-                packed.record, packed.walls, slips, noises, line, stage, limit, 0.0, until, -1.0
-            )
+            world = packed.record, packed.walls, slips, noises, line_of(uart), stage
+            arguments = *world, limit, 0.0, until, -1.0
+            if not _WATCH.is_made(*arguments):
+                return None
+            end, asked, long, _ = _WATCH(*arguments)
             exchanges, longest = exchanges + asked, max(longest, long)
             packed.give()
         self._pass(packed, fleet, uart)
@@ -127,11 +126,11 @@ class Watcher:
         Returns:
             None: it is left to the client, who comes to the same request by request.
         """
-        if not (_suits(robot, fleet, uart) and _RUNS.are_enough()):
+        if not (_suits(robot, fleet, uart) and _DRIVE.is_due()):
             return None
         packed, stage = self._pack(robot, fleet, uart)
         periods = ceil((arc.duration + arc.patience) / CONTROL_PERIOD) + _BESIDES
-        collided, exchanges, longest = load(_DRIVE).drive_arc(
+        arguments = (
             packed.record,
             packed.walls,
             robot.slips.ahead(periods),
@@ -145,6 +144,9 @@ class Watcher:
             arc.duration,
             arc.patience,
         )
+        if not _DRIVE.is_made(*arguments):
+            return None
+        collided, exchanges, longest = _DRIVE(*arguments)
         packed.give()
         self._pass(packed, fleet, uart)
         left, right = self._counters.tolist()
