@@ -13,7 +13,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
-from typer import Context
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
@@ -78,12 +77,12 @@ class Parts(TyperGroup):
         super().__init__(**given)
         self.commands = Commands(self.modules, self.first)
 
-    def list_commands(self, ctx: Context) -> list[str]:
+    def list_commands(self, ctx: Any) -> list[str]:
         """Return all names, in order."""
         del ctx
         return list(self.commands)
 
-    def format_help(self, ctx: Context, formatter: Any) -> None:
+    def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help, in which commands are no more than a name and a sentence."""
         listed = copy(self)
         commands = self.commands

@@ -16,10 +16,10 @@ from khepera_emulator.robot.compiled.layout import LEFT, POSITION, RIGHT, SPEED
 from khepera_emulator.robot.compiled.sensing import proximity
 from khepera_emulator.robot.compiled.wheels import counter, wrap
 
-_LETTER = np.int64(2)
+_LETTER: Any = np.int64(2)
 """Bytes of a request without arguments."""
 
-_REPLY = np.int64(3)
+_REPLY: Any = np.int64(3)
 """Bytes of a reply without values."""
 
 _FULL_DUTY = 255.0
