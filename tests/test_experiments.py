@@ -42,7 +42,7 @@ from macor_hil.experiments.report.elements import Table
 from macor_hil.experiments.results import code_digest as sources
 from macor_hil.experiments.results.code_digest import bare_code, code_of, digest
 from macor_hil.experiments.results.store import ResultsFile, only_one
-from macor_hil.experiments.sweep.runner import COSTS, reproduce
+from macor_hil.experiments.sweep.runner import COSTS, report, reproduce
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.mind.catalogue import build_brain, whereabouts
@@ -315,6 +315,22 @@ def test_more_seeds_are_added_to_those_that_are_there(sweep: Path, recorded: Pat
     reproduce([untold(tiny(TABLE1))], 2, 1, recorded, silent)
     reproduce([untold(tiny(TABLE1))], 3, 1, recorded, silent)
     assert results_of(recorded) == results_of(sweep)
+
+
+def test_what_is_done_is_told_without_a_drive(sweep: Path, tmp_path: Path) -> None:
+    shutil.copytree(sweep / "results", tmp_path / "results")
+    with only_one(tmp_path):  # while another process goes on with it
+        page = report([untold(FIGURE2), tiny(TABLE1)], 30, tmp_path)
+    text = page.with_name("report.md").read_text()
+    assert "in 3 trainings of" in text
+    assert FIGURE2.title not in text
+    assert not (tmp_path / "recordings").exists()
+
+
+def test_where_nothing_is_done_nothing_is_told(tmp_path: Path) -> None:
+    with pytest.raises(MacorError, match="holds no result of table1 under these settings; leave"):
+        report([untold(tiny(TABLE1))], 30, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_other_settings_never_mix(sweep: Path, recorded: Path) -> None:
@@ -612,3 +628,8 @@ def test_the_command_line_names_the_page(
     said = capsys.readouterr()
     assert said.out == f"{recorded / 'report' / 'index.html'}\n"
     assert "table1" in said.err
+    page = Path(said.out.strip())
+    before = page.read_bytes()
+    page.unlink()
+    scoring.reproduce(name="all", seeds=7, out=recorded, kept=True)
+    assert page.read_bytes() == before

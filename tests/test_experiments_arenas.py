@@ -17,7 +17,14 @@ from macor_hil.experiments.drives.systems import learn_foresight, learn_situatio
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.results.store import Result
 from macor_hil.experiments.suite.amounts import AMOUNTS
-from macor_hil.experiments.suite.arenas import ARENAS, ELSEWHERE, IN_PLACE, SYSTEMS, Settings
+from macor_hil.experiments.suite.arenas import (
+    ARENAS,
+    ELSEWHERE,
+    IN_PLACE,
+    SYSTEMS,
+    Settings,
+    lights_of,
+)
 from macor_hil.experiments.suite.shares import cell
 from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.memories.foresight import ForesightMemory
@@ -91,6 +98,14 @@ def test_the_suite_has_every_bundled_arena() -> None:
     assert {place.arena for place in homes if place.own_colours} == set(bundled_arenas())
     assert {place.arena for place in homes if not place.own_colours} > set(bundled_arenas())
     assert not set(ARENAS.settings.mixture) & set(ARENAS.settings.unseen)
+
+
+def test_other_light_falls_on_arenas_as_they_come() -> None:
+    settings = ARENAS.settings
+    lit = [place for place in settings.homes if len(lights_of(settings, place)) > 1]
+    assert [place.arena for place in lit] == list(bundled_arenas())
+    assert not any(place.own_colours for place in lit)
+    assert lights_of(settings, Place("maze")) == ("as trained", *settings.lights)
 
 
 def test_all_drives_of_the_suite_are_made_before_its_trials(tmp_path: Path) -> None:

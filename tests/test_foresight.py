@@ -1,5 +1,6 @@
 """The foresight planner: what it sees, foresees, learns and drives."""
 
+from dataclasses import replace
 from itertools import pairwise
 from math import cos, radians, sin
 from pathlib import Path
@@ -25,12 +26,14 @@ from macor_hil.hardware.cameras.light import LIGHTS
 from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import Driver
 from macor_hil.hardware.odometry import Wheels, integrate
-from macor_hil.mind.experience import Experience
+from macor_hil.mind import memories
+from macor_hil.mind.experience import Experience, Moment
 from macor_hil.mind.eyes.floor import FloorEyes
 from macor_hil.mind.eyes.floor_profile import azimuths, floor_profile
 from macor_hil.mind.eyes.sights import sights
 from macor_hil.mind.foresight.drives import hypothetical_drives
 from macor_hil.mind.foresight.floor import clearance, solids
+from macor_hil.mind.foresight.skill import Skill
 from macor_hil.mind.foresight.view import CLEARANCES, UNSEEN, cells_of, raster
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.memories.foresight import ForesightMemory
@@ -265,15 +268,59 @@ def test_the_same_seed_learns_the_same_bytes(maze_map: Path, tmp_path: Path) -> 
     assert again.read_bytes() == maze_map.read_bytes()
 
 
-def test_a_memory_forgets_what_is_long_ago() -> None:
+def aimless(memory: ForesightMemory, commands: int) -> list[Moment]:
+    """Let a memory learn what shows nothing; returns all that was seen."""
     rng = np.random.default_rng(5)
-    memory = ForesightMemory(24, frames=250)
-    seen = [
-        type(now)(now.raw, now.features, now.resonance, 0, rng.uniform(0.1, 1.5, 24))
-        for now in [moment()] * 302
-    ]
+    seen = [replace(moment(), floor=rng.uniform(0.1, 1.5, 24)) for _ in range(commands + 1)]
     for number, (before, after) in enumerate(pairwise(seen)):
         memory.learn(Experience(before, number % 3, after, 0.5, False))
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("shows_nothing", "learned_from"),
+    [((), [1001]), ((1001, 501), [1001, 501, 251]), ((1001, 501, 251, 126), [1001, 501, 251, 126])],
+)
+def test_a_skill_is_learned_when_it_is_asked_for_from_the_last_drive_that_shows_one(
+    shows_nothing: tuple[int, ...],
+    learned_from: list[int],
+    maze_map: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    skill, tried = not_none(foresight_of(maze_map).skill), list[int]()
+
+    def learned(profiles: Array, *_: Array) -> Skill | None:
+        tried.append(len(profiles))
+        return None if len(profiles) in shows_nothing else skill
+
+    monkeypatch.setattr(memories.foresight, "learned_skill", learned)
+    memory = ForesightMemory(24)
+    aimless(memory, 1400)
+    assert tried == []
+    found = [memory.skill, memory.skill]
+    assert found == ([None, None] if len(shows_nothing) == 4 else [skill, skill])
+    assert tried == learned_from
+
+
+def test_few_drives_wait_to_be_learned_from(
+    maze_map: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    skill, tried = not_none(foresight_of(maze_map).skill), list[int]()
+
+    def learned(profiles: Array, *_: Array) -> Skill:
+        tried.append(len(profiles))
+        return skill
+
+    monkeypatch.setattr(memories.foresight, "learned_skill", learned)
+    memory = ForesightMemory(24, frames=300)
+    aimless(memory, 12_000)
+    assert tried == [300]
+    assert memory.skill is skill
+
+
+def test_a_memory_forgets_what_is_long_ago() -> None:
+    memory = ForesightMemory(24, frames=250)
+    seen = aimless(memory, 301)
     state = memory.state()
     assert state["profiles"].shape == (250, 24)
     assert (state["profiles"][-1] == not_none(seen[-1].floor).astype(np.float16)).all()

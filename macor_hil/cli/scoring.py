@@ -98,6 +98,11 @@ class ReproduceOptions(Options):
     out: Path = Field(
         default=Path("runs/reproduction"), description="For recordings, results and the report."
     )
+    kept: Annotated[bool, Cli(flags=("--kept",))] = Field(
+        default=False,
+        description="Drive nothing: write the report of what is done so far, also while another"
+        " process goes on.",
+    )
     quick: bool = Field(
         default=False,
         description="Shorter trainings, fewer trials and arenas: minutes, to see whether all is"
@@ -233,8 +238,13 @@ def reproduce(options: ReproduceOptions) -> None:
         chosen = changes.with_settings(chosen, options.settings)
         chosen = catalogue.with_planners(chosen, options.planner)
         check_folder("--out", options.out)
-        workers, watch = options.workers or runner.ALL, _Watch(bars)
-        page = runner.reproduce(chosen, options.seeds, workers, options.out, watch, options.cluster)
+        if options.kept:
+            page = runner.report(chosen, options.seeds, options.out)
+        else:
+            workers, watch = options.workers or runner.ALL, _Watch(bars)
+            page = runner.reproduce(
+                chosen, options.seeds, workers, options.out, watch, options.cluster
+            )
     typer.echo(str(page))
 
 

@@ -32,6 +32,11 @@ class Place:
         """Colours of its walls, in words."""
         return "own colours" if self.own_colours else "as it is"
 
+    @property
+    def shipped(self) -> bool:
+        """True for a bundled arena as it comes."""
+        return isinstance(self.arena, str) and not self.own_colours
+
     def file(self, folder: Path) -> str:
         """Return the arena for a port: its name, or the path of a file that is written now.
 
@@ -39,7 +44,7 @@ class Place:
             EmulatorError: there is no such arena.
             MacorError: the folder cannot be written to.
         """
-        if isinstance(self.arena, str) and not self.own_colours:
+        if isinstance(self.arena, str) and self.shipped:
             return self.arena
         look = "-own-colours" if self.own_colours else ""
         return arena_file(folder, self.name + look, self._text)

@@ -1,7 +1,7 @@
 """The suite of arenas: what each system drives of what is possible, in place and elsewhere.
 
 In place: trained where it is driven, in every bundled arena, in each with a colour of its own on
-every wall, and in generated ones; and driven there under other light than in training. Elsewhere:
+every wall, and in generated ones; bundled ones are driven under other light, too. Elsewhere:
 trained on a mixture of generated arenas, and driven in generated ones that are not among them. A
 search over the floor plan tells how many commands are possible from each start.
 """
@@ -90,7 +90,8 @@ class Settings(Learning):
     unseen: tuple[int, ...] = tuple(range(15))
     """Seeds of generated arenas that are driven after training on the mixture."""
     lights: tuple[Lighting, ...] = tuple(name for name in LIGHTS if name != AS_TRAINED)
-    """Lights that systems are driven in beside the one of their training."""
+    """Lights that systems are driven in beside the one of their training, where an arena is driven
+    as it comes."""
     course: Course = field(default_factory=Course)
     """The trials of each system in each arena."""
 
@@ -141,6 +142,11 @@ def parts(settings: Settings) -> list[Settings]:
     return [*homes, replace(settings, homes=(), lights=())]
 
 
+def lights_of(settings: Settings, place: Place) -> tuple[str, ...]:
+    """Return the lights that an arena is driven in after training there."""
+    return (AS_TRAINED, *(settings.lights if place.shipped else ()))
+
+
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Train and drive all systems of a seed in all arenas."""
     files = recordings.arenas
@@ -150,7 +156,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         systems = _systems(settings, recordings.of(drive)[seed])
         driven += [
             _driven(settings, systems, seed, IN_PLACE, place, files, light)
-            for light in (AS_TRAINED, *settings.lights)
+            for light in lights_of(settings, place)
         ]
     if settings.mixture and settings.unseen:
         parts = [recordings.of(drive)[seed] for drive in _mixture(settings, files)]

@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 
 import joblib
 
+from macor_hil.errors import MacorError
 from macor_hil.experiments.drives.training_drive import Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.results.store import (
@@ -19,7 +20,7 @@ from macor_hil.experiments.results.store import (
 )
 from macor_hil.experiments.sweep.engine import engine
 from macor_hil.experiments.sweep.pages import Chapter, write_report
-from macor_hil.experiments.sweep.part import Work, joined, parts_of
+from macor_hil.experiments.sweep.part import Part, Work, joined, parts_of
 
 Watch = Callable[[str, int, int], None]
 """Hears what is being done, how many pieces of it are done, and of how many."""
@@ -80,6 +81,38 @@ def reproduce(
         return write_report(out / "report", chapters, _costs(out / COSTS))
 
 
+def report(experiments: Sequence[Experiment], seeds: int, out: Path) -> Path:
+    """Write the report page of what has been done so far, also while others go on with it.
+
+    Args:
+        experiments: what to tell of; one without a result is left out.
+        seeds: training seeds; those that are done everywhere count.
+        out: folder of recordings, results and report.
+
+    Returns:
+        The report page.
+
+    Raises:
+        MacorError: there is no result of any, or the folder cannot be used.
+    """
+    chapters = []
+    for experiment in experiments:
+        parts = [parts_of(each, out) for each in (experiment, *experiment.also)]
+        done = [
+            seed
+            for seed in range(1, seeds + 1)[: experiment.most_seeds]
+            if all(seed in part.results for of in parts for part in of)
+        ]
+        if done:
+            chapters.append(Chapter(experiment, _with_others([_whole(of, done) for of in parts])))
+    if not chapters:
+        names = ", ".join(each.name for each in experiments)
+        raise MacorError(
+            f"{out} holds no result of {names} under these settings; leave out --kept to drive"
+        )
+    return write_report(out / "report", chapters, _costs(out / COSTS))
+
+
 def _sweep(
     experiment: Experiment, seeds: Sequence[int], workers: int, out: Path, watch: Watch
 ) -> Results:
@@ -102,6 +135,10 @@ def _sweep(
             append_line(out / COSTS, _cost(f"{experiment.kept_as}: {piece}", seed, spent))
     for part in changed:
         part.put_in_order()
+    return _whole(parts, seeds)
+
+
+def _whole(parts: Sequence[Part], seeds: Sequence[int]) -> Results:
     return {seed: joined([part.results[seed] for part in parts]) for seed in seeds}
 
 

@@ -42,6 +42,12 @@ class Frames:
         """Return how many there are."""
         return len(self._frames)
 
+    def copy(self) -> "Frames":
+        """Return the frames that there are now; only those are copied that are no longer kept."""
+        now = Frames(self._directions, self._frames.maxlen or 0)
+        now._frames.extend(self._frames)
+        return now
+
     def add(self, experience: Experience) -> int:
         """Keep an experience; its beginning, too, unless it is the end of the one before.
 
