@@ -34,7 +34,6 @@ def test_a_list_of_all_commands_imports_none_of_them() -> None:
     assert not modules & HEAVY
     assert not {each for each in modules if each.startswith("macor_hil.cli.")} - {
         "macor_hil.cli.ending",
-        "macor_hil.cli.parts",
         "macor_hil.cli.program",
     }
 

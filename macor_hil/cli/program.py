@@ -8,11 +8,11 @@ from contextlib import suppress
 from typing import ClassVar, Final
 
 import typer
+from khepera_protocol.system.program_parts import Described, Parts
 from khepera_protocol.text import OptionError, PrintableFormatter, printable
 from khepera_protocol.version import VersionOption
 
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
-from macor_hil.cli.parts import Described, Parts
 from macor_hil.errors import MacorError, NotStoppedError, is_lost
 from macor_hil.safety.interruption import Interruption
 
@@ -47,7 +47,7 @@ class _Program(Parts):
 
     first: ClassVar[Mapping[str, Described]] = {
         "config": (
-            "macor_hil.cli.configuring",
+            "macor_hil.cli.driving",
             "Check or print a TOML file of options, for --config.",
         )
     }
