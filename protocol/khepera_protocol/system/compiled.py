@@ -82,7 +82,8 @@ class Kernel:
             return True
         if not self._made:
             if self._maker is None and not self._is_kept():
-                self._maker = _start_maker(self._module, self._name, arguments)
+                with suppress(OSError):  # no process is to be had: it is made here
+                    self._maker = _start_maker(self._module, self._name, arguments)
             self._made = self._maker is None or self._maker.poll() is not None
         return self._made
 
@@ -102,7 +103,7 @@ class Kernel:
 def _start_maker(module: str, name: str, arguments: tuple[Any, ...]) -> subprocess.Popen[bytes]:
     """Let a process of its own call a compiled function, which keeps the machine code."""
     maker = subprocess.Popen(
-        [sys.executable, "-c", f"from {__name__} import make; make()"],
+        [sys.executable, "-P", "-c", f"from {__name__} import make; make()"],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
