@@ -66,6 +66,25 @@ def test_what_is_copied_is_there_and_sent_to_the_engine() -> None:
             assert f"!{source}" in ignore
 
 
+def test_what_is_copied_is_enough_to_make_a_wheel_of(tmp_path: Path) -> None:
+    for line in re.findall(r"^COPY (.*) \S+$", STAGES["build-controller"], re.MULTILINE):
+        for source in line.split():
+            (tmp_path / Path(source).name).symlink_to(ROOT / source)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from setuptools.build_meta import *; prepare_metadata_for_build_wheel('.')",
+        ],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Metadata-Version" in next(tmp_path.glob("*.dist-info/METADATA")).read_text("utf-8")
+
+
 def test_images_install_extras_that_exist() -> None:
     extras = ",".join(re.findall(r"'\.\[([\w,]+)\]'", DOCKERFILE)).split(",")
     assert set(extras) <= set(PROJECT["optional-dependencies"])
