@@ -23,11 +23,11 @@ from macor_hil.errors import RobotResetError, StrayedError
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.robots.robot import (
     FRONT_SENSORS,
+    Arc,
+    Arrival,
     Followed,
-    Look,
     Robot,
     WheelStatus,
-    looked,
 )
 from macor_hil.hardware.standstill import standing_on_failure
 
@@ -72,9 +72,8 @@ Guard = Callable[[], None]
 
 _Counts = tuple[int, int]
 
-_Going = Callable[[_Counts, tuple[float, float]], tuple[tuple[int, ...], bool]]
-"""A way of driving from counts by the ways of both wheels, with the last proximity and whether
-that was a collision."""
+_Going = Callable[[_Counts, tuple[float, float]], Arrival]
+"""A way of driving from counts by the ways of both wheels."""
 
 
 def all_of(*guards: Guard) -> Guard:
@@ -92,9 +91,6 @@ LEASH = 0.15
 
 _SLACK_LEASH = 0.8
 """Share of the leash at which the target moves on."""
-
-_NEVER = 1 << 30
-"""More than any sensor reads."""
 
 _TRAIL = 64
 _SLACK = 40
@@ -286,19 +282,28 @@ class Driver:
         begin = self._target
         ways = self.settings.wheels.counts(way, turn)
         self._target = begin[0] + round(ways[0]), begin[1] + round(ways[1])
-        proximity, collided = go(begin, ways)
-        if collided:
-            self._robot.stop()
-        counters = self._robot.counters()
+        collided, proximity, counters = go(begin, ways)
         self._check(begin, counters)
         if collided:
             self._target = counters
         return Outcome(collided, proximity, counters)
 
-    def _go_at_once(
-        self, _begin: _Counts, ways: tuple[float, float]
-    ) -> tuple[tuple[int, ...], bool]:
-        return self._go(self._target, ways, watch=True)
+    def _go_at_once(self, _begin: _Counts, ways: tuple[float, float]) -> Arrival:
+        if self._followed is not None:
+            settings = self.settings
+            left, right = profiles_of(settings, ways)
+            seconds = duration_of(settings, _longest(ways))
+            profile, limit = (*left, *right), settings.collision
+            arc = Arc(profile, self._target, limit, seconds, settings.patience)
+            if (arrival := self._followed.drive(arc)) is not None:
+                return arrival
+        return self._arrived(*self._go(self._target, ways, watch=True))
+
+    def _arrived(self, proximity: tuple[int, ...], collided: bool) -> Arrival:
+        """Stop after a collision, and ask for the counters."""
+        if collided:
+            self._robot.stop()
+        return Arrival(collided, proximity, self._robot.counters())
 
     def _go(
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
@@ -312,15 +317,15 @@ class Driver:
         robot.go_to(*target)
         start = robot.clock()
         duration = duration_of(settings, _longest(ways))
-        limit = settings.collision if watch else _NEVER
         while True:
             self._guard()
-            proximity, elapsed, wheels = self._follow(limit, start, duration)
+            proximity = robot.proximity()
+            elapsed = robot.clock() - start
             if watch and is_touching(proximity, settings):
                 return proximity, True
-            if wheels is None:
+            if elapsed < duration:
                 continue
-            left, right = wheels
+            left, right = robot.status()
             if left.reached and right.reached:
                 return proximity, False
             self._check_remembered(left, right)
@@ -330,16 +335,13 @@ class Driver:
     def _watch(self, end: float) -> tuple[int, ...]:
         """Look at the sensors, of a robot in this process until a collision or a time."""
         if self._followed is not None:
-            return self._followed.watch(self.settings.collision, 0.0, end)
+            return self._followed.watch(self.settings.collision, end)
         return self._robot.proximity()
 
-    def _follow(self, limit: int, begin: float, seconds: float) -> Look:
-        """Look at a robot that has set out to a target; see `Followed`."""
-        if self._followed is not None:
-            return self._followed.follow(limit, begin, seconds, self.settings.patience)
-        return looked(self._robot, limit, begin, seconds)
+    def _go_on_a_leash(self, begin: _Counts, ways: tuple[float, float]) -> Arrival:
+        return self._arrived(*self._on_a_leash(begin, ways))
 
-    def _go_on_a_leash(
+    def _on_a_leash(
         self, begin: _Counts, ways: tuple[float, float]
     ) -> tuple[tuple[int, ...], bool]:
         wheels = self.settings.wheels
