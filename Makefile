@@ -6,7 +6,7 @@
 #   make asv    the same for commits, kept and compared (three minutes a commit; COMMITS="HEAD~3..HEAD")
 #   make hostile  bad inputs at every edge, forty times as many as in make test (minutes)
 #   make soak   long use of the serial line (ten minutes)
-#   make soak-service     an hour of service under random faults and restarts, ten times faster
+#   make soak-service     ten hours of service under random faults and restarts, a hundred times faster
 #   make soak-watchers    an hour of eight robots and all who watch them, five times faster
 #   make pyserial-suite   pySerial's own tests on the emulator's terminal (half a minute)
 #   make faults           a live run and what may befall it (twenty minutes)

@@ -33,6 +33,14 @@ def write_part(page: Path, name: str, text: str) -> None:
     page.write_text(pattern.sub(lambda _: new, old), "utf-8")
 
 
+def table_of(page: Path, name: str) -> list[tuple[str, ...]]:
+    """Return the rows of the table between the marks of a name on a page, its head first."""
+    text = page.read_text("utf-8").partition(f"<!-- begin {name} -->")[2]
+    lines = [line for line in text.partition("<!-- end")[0].splitlines() if line.startswith("| ")]
+    rows = [tuple(line.strip("| ").split(" | ")) for line in lines]
+    return [row for row in rows if set(row[0]) != {"-"}]
+
+
 def report(
     title: str,
     head: Sequence[str],

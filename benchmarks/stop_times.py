@@ -19,9 +19,10 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
+import stops_by_hand
 from drives import WAYS_OUT, Cable, Drive, programs
 from figures import percentile
-from page import DOCS, report
+from page import DOCS, report, table_of
 from rich.console import Console
 from rich.progress import track
 from rig import Rig, rig
@@ -46,9 +47,9 @@ Cause = Callable[[Rig, Path, np.random.Generator], None]
 
 
 def main() -> None:
-    """Measure and print; `--write` puts the tables into docs/safety.md, too.
+    """Measure and print; `--write` puts the rows into the tables of docs/safety.md, too.
 
-    Further arguments choose programs by their names.
+    Further arguments choose programs by their names; rows of the others stay.
     """
     chosen = [word for word in sys.argv[1:] if not word.startswith("-")]
     load = "Two cores that other programs shared (load average {:.1f})."
@@ -58,13 +59,17 @@ def main() -> None:
             causes = (each for each in _causes() if not chosen or each[0] in chosen)
             rows = [*_rows(bench, trained, causes, _TIMES)]
         note = load.format(os.getloadavg()[1])
-        report(
-            "stops, on the emulator's clock", _HEAD, rows, (DOCS / "safety.md", "stop times"), note
-        )
-        if not chosen:
-            rows = [*_unseen(Path(folder), trained)]
-            title = "ways out that no program sees"
-            report(title, _HEAD, rows, (DOCS / "safety.md", "unseen stops"))
+        _report("stops, on the emulator's clock", "stop times", rows, note)
+        rows = [*_unseen(Path(folder), trained, chosen)]
+        _report("ways out that no program sees", "unseen stops", rows)
+
+
+def _report(title: str, part: str, rows: list[tuple[str, ...]], note: str = "") -> None:
+    """Print rows; in the docs they take the place of earlier ones of the same programs."""
+    page = DOCS / "safety.md"
+    measured = {row[:2]: row for row in rows}
+    earlier = {row[:2]: row for row in table_of(page, part)[1:]}
+    report(title, _HEAD, [*(earlier | measured).values()], (page, part), note)
 
 
 def _causes() -> Iterator[tuple[str, str, Cause]]:
@@ -79,6 +84,7 @@ def _causes() -> Iterator[tuple[str, str, Cause]]:
         yield from ((program, way, _ended(program, way)) for way in WAYS_OUT)
     for program in ("Commands", "Wheels"):
         yield program, "exception", _ended(program, "exception")
+    yield from stops_by_hand.causes(_wait_for_a_moment)
 
 
 def _rows(
@@ -193,21 +199,26 @@ def _trouble(trouble: str, word: str, **fields: Any) -> Cause:
     return wait
 
 
-def _unseen(folder: Path, trained: Path) -> Iterator[tuple[str, ...]]:
+def _unseen(folder: Path, trained: Path, chosen: list[str]) -> Iterator[tuple[str, ...]]:
     """SIGKILL, SIGSTOP and a pulled cable, of a real robot and of one that stops by itself."""
     for options in ((), ("--dead-man", str(_DEAD_MAN))):
         robot = f", `{' '.join(options)}`" if options else ""
         with rig(folder, *options) as bench:
             causes = (
-                (program, f"{name}{robot}", cause)
-                for program in ("run", "calibrate", "Wheels")
-                for name, cause in (
-                    ("SIGKILL", _ended(program, "SIGKILL")),
-                    ("SIGSTOP", _ended(program, "SIGSTOP")),
-                    ("a pulled cable", _pulled(program)),
-                )
+                (program, f"{way}{robot}", cause)
+                for program, way, cause in _unseen_causes()
+                if not chosen or program in chosen
             )
             yield from _rows(bench, trained, causes, _FEW_TIMES)
+
+
+def _unseen_causes() -> Iterator[tuple[str, str, Cause]]:
+    for program in ("run", "calibrate", "Wheels"):
+        yield program, "SIGKILL", _ended(program, "SIGKILL")
+        yield program, "SIGSTOP", _ended(program, "SIGSTOP")
+        yield program, "a pulled cable", _pulled(program)
+    ways = {way: _WAYS[way] for way in ("SIGKILL", "SIGSTOP")}
+    yield from stops_by_hand.unseen(_wait_for_a_moment, ways)
 
 
 def _pulled(program: str) -> Cause:

@@ -1,21 +1,26 @@
 """A controller as a process of its own: `python controller_process.py JSON`.
 
-The JSON text holds fields of `RunOptions`, and `trouble`:
-`slow planner` (it takes seconds once the robot has made a step), `exception` (a defect while the
-robot drives), `clock jump` (an hour ahead), `clock jumps` (up to a day either way, again and
-again). The planner `circle` always turns left: round and round
-without ever meeting a wall. A line `step` is printed for each decision, the end of the run or its
-error last; with `forever` the next run follows, until a signal comes.
+The JSON text holds fields of `RunOptions`, and `trouble`: `slow planner` (it takes seconds once the
+robot has made a step), `exception` (a defect while the robot drives), `clock jump` (an hour ahead),
+`clock jumps` (up to a day either way, again and again). With `hurry`, the clock that the robot's
+drives are timed by goes so many times faster, as an emulator with `--speed` does; what is on the
+line is timed as ever. The planner `circle` always turns left: round and round without ever meeting
+a wall. A line `step` is printed for each decision, the end of the run or its error last; with
+`forever` the next run follows, until a signal comes.
 """
 
 import json
 import random
 import sys
 import time
+from collections.abc import Callable
+from typing import Any
 from unittest.mock import patch
 
 from macor_hil.errors import MacorError
 from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.line.open_line import OpenLine
+from macor_hil.hardware.robots.client import LineClient
 from macor_hil.mind.experience import Moment
 from macor_hil.mind.memories.transitions import SensorimotorMap
 from macor_hil.mind.planners.planner import Plan
@@ -101,8 +106,20 @@ def jump_about() -> None:
     patch.object(time, "time", jumping).start()
 
 
+def hurry(times: float) -> None:
+    """Time drives by a clock as fast as the emulated robot's."""
+    take: Callable[..., None] = LineClient._take
+
+    def faster(robot: LineClient[Any], line: OpenLine) -> None:
+        take(robot, line)
+        robot.clock = lambda: times * line.clock()
+
+    patch.object(LineClient, "_take", faster).start()
+
+
 def main() -> None:
     fields = json.loads(sys.argv[1])
+    hurry(fields.pop("hurry", 1.0))
     trouble = fields.pop("trouble", "")
     if trouble == "slow planner":
         fields["planner"] = "slow"

@@ -22,10 +22,7 @@ class EmulatorProcess:
     def __init__(self, *options: str, **popen: Any) -> None:
         self.process: subprocess.Popen[str] = subprocess.Popen(
             [*COMMAND, *options],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            **popen,
+            **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **popen},
         )
         assert self.process.stdout is not None
         self.announcement = self.process.stdout.readline().rstrip("\n")
@@ -34,10 +31,10 @@ class EmulatorProcess:
         self.path = self.announcement.partition(" on ")[2].partition(",")[0]
 
     def end(self, number: int = signal.SIGTERM) -> tuple[int, str]:
-        """Send a signal and wait; returns exit status and the standard error output."""
+        """Send a signal and wait; returns exit status and the standard error output, if piped."""
         if self.process.poll() is None:
             os.kill(self.process.pid, number)
-        said: str = self.process.communicate(timeout=PATIENCE)[1]
+        said: str = self.process.communicate(timeout=PATIENCE)[1] or ""
         return self.process.returncode, said
 
 

@@ -154,8 +154,16 @@ class Controller:
 class Rig:
     """Emulator on a linked terminal, relay and bench; controllers on demand.
 
-    With a router, controllers reach the emulator's camera through that alone, and there is no
-    relay.
+    With a router, controllers reach the camera through that alone, and there is no relay unless it
+    is asked for.
+
+    Args:
+        folder: of its files.
+        options: of the emulator.
+        baud, arena: of the emulator, too.
+        relay: whether pictures come by a relay; None: unless there is a router.
+        routed: whether there is a router.
+        log: file that takes what the emulator tells on standard error.
     """
 
     def __init__(
@@ -164,29 +172,32 @@ class Rig:
         *options: str,
         baud: int = 57600,
         arena: str = "open-box",
-        relay: bool = True,
+        relay: bool | None = None,
         routed: bool = False,
+        log: Path | None = None,
     ) -> None:
         self.folder = Path(folder)
         self.link = self.folder / "robot"
         self.endpoint, self.controller_endpoint = free_endpoint(), free_endpoint()
         self.baud = baud
         self.router = Router(self.folder) if routed else None
-        relay = relay and not routed
+        self._relayed = not routed if relay is None else relay
+        self.log = log
         self._options = (
             *("--arena", arena, "--link", str(self.link), "--listen", self.endpoint),
             *("--baud", str(baud), *options),
             *(("--connect", self.router.endpoint) if self.router else ()),
         )
-        self.emulator = EmulatorProcess(*self._options)
-        self._relayed = relay
+        self.emulator = self._started()
         self.join_zenoh()
         self.controllers: list[Closing] = []
 
     def join_zenoh(self) -> None:
         """Open the session of bench and relay."""
         self._stack = ExitStack()
-        self.session = self._stack.enter_context(open_session([], [self.endpoint]))
+        # pictures that pass the relay go on to a router, where there is one
+        ends = [self.endpoint, *([self.router.endpoint] if self.router and self._relayed else [])]
+        self.session = self._stack.enter_context(open_session([], ends))
         self.bench = ZenohBench(self.session, "khepera")
         self.relay = CameraRelay(self.session) if self._relayed else None
 
@@ -196,7 +207,13 @@ class Rig:
 
     def restart_emulator(self) -> None:
         self.emulator.end(9)
-        self.emulator = EmulatorProcess(*self._options)
+        self.emulator = self._started()
+
+    def _started(self) -> EmulatorProcess:
+        if self.log is None:
+            return EmulatorProcess(*self._options)
+        with self.log.open("ab") as file:
+            return EmulatorProcess(*self._options, stderr=file)
 
     def controller(self, map_file: Path, **fields: object) -> Controller:
         """Start a controller on the relayed camera."""

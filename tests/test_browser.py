@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -37,6 +38,8 @@ def browser() -> Iterator[Chrome]:
     options.binary_location = not_none(CHROMIUM)
     for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
         options.add_argument(argument)
+    options.add_argument("--host-resolver-rules=MAP lab.test 127.0.0.1")
+    options.accept_insecure_certs = True
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     service = webdriver.ChromeService(executable_path=DRIVER)
     with webdriver.Chrome(options=options, service=service) as driver:
@@ -352,15 +355,83 @@ def test_a_robot_is_placed_with_the_mouse(browser: Chrome) -> None:
 
 @pytest.mark.long
 def test_a_password_opens_the_page(browser: Chrome) -> None:
-    from selenium.webdriver.support.expected_conditions import staleness_of
-
     hashed = hash_password("open sesame")
     with dashboard("--connect", free_endpoint(), "--password-hash", hashed) as address:
         visit(browser, address)
-        for password in ("wrong", "open sesame"):
-            until(browser, shows("input[type=password]", 1))
-            field = browser.find_element("id", "password")
-            field.send_keys(password)
-            field.submit()
-            until(browser, staleness_of(field))
+        log_in(browser, "wrong")
+        log_in(browser, "open sesame")
         until(browser, says("waiting for a robot"))
+
+
+@pytest.fixture
+def certificate(tmp_path: Path) -> tuple[Path, Path]:
+    """A certificate that nobody has signed, and its key."""
+    files = tmp_path / "lab.pem", tmp_path / "lab.key"
+    subject = ["-subj", "/CN=127.0.0.1", "-addext", "subjectAltName=IP:127.0.0.1"]
+    key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes"]
+    out = ["-out", str(files[0]), "-keyout", str(files[1])]
+    subprocess.run(
+        ["openssl", "req", "-x509", "-days", "2", *key, *subject, *out],
+        check=True,
+        capture_output=True,
+    )
+    return files
+
+
+OPENS = """
+const [address, done] = arguments;
+const socket = new WebSocket(address);
+socket.onopen = () => done(true);
+socket.onclose = () => done(false);
+"""
+"""Tells whether a WebSocket of the present page is let in."""
+
+
+@pytest.mark.long
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl")
+def test_a_page_over_tls_shows_live_data_to_who_knows_the_password(
+    browser: Chrome, certificate: tuple[Path, Path]
+) -> None:
+    endpoint = free_endpoint()
+    doors = ["--password-hash", hash_password("open sesame")]
+    doors += ["--certificate", str(certificate[0]), "--key", str(certificate[1])]
+    size(browser, 1280, 800)
+    with (
+        open_session([endpoint], []) as session,
+        dashboard("--connect", endpoint, "--robot", "khepera", *doors) as address,
+        Player(session, "khepera") as player,
+    ):
+        browser.delete_all_cookies()
+        assert address.startswith("https://127.0.0.1:")
+        live = f"{address.replace('https', 'wss')}/live"
+        visit(browser, f"{address}/login")
+        assert not browser.execute_async_script(OPENS, live)  # its own page, without the password
+        log_in(browser, "wrong")
+        until(browser, says("That is not the password"))
+        assert not browser.get_cookies()
+        log_in(browser, "open sesame")
+        until(browser, says("waiting for a robot"))
+        (cookie,) = browser.get_cookies()
+        assert (cookie["secure"], cookie["httpOnly"], cookie["sameSite"]) == (True, True, "Strict")
+        for event in a_life(1)[:-2]:
+            player.publish(event)
+        until(browser, says("driving, 1 of 40 commands"))
+        until(browser, lambda driver: driver.execute_script(PAINTED))
+        assert browser.execute_async_script(OPENS, live)
+        # from a page of elsewhere, in the browser that has the cookie
+        with dashboard("--connect", free_endpoint()) as other:
+            visit(browser, other)
+            assert not browser.execute_async_script(OPENS, live)
+        # by another name that leads here
+        visit(browser, address.replace("127.0.0.1", "lab.test"))
+        until(browser, says("not for this page or name"))
+
+
+def log_in(browser: Chrome, password: str) -> None:
+    from selenium.webdriver.support.expected_conditions import staleness_of
+
+    until(browser, shows("input[type=password]", 1))
+    field = browser.find_element("id", "password")
+    field.send_keys(password)
+    field.submit()
+    until(browser, staleness_of(field))

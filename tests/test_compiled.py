@@ -14,7 +14,7 @@ import serial
 from as_type import as_type
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.system import compiled
-from khepera_protocol.system.compiled import ALWAYS, NEVER, VARIABLE, PlainRuns, load
+from khepera_protocol.system.compiled import ALWAYS, AUTO, NEVER, VARIABLE, Kernel, load
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 from khepera_emulator.arenas.arena import load_arena
@@ -24,7 +24,10 @@ from macor_hil.commands import COMMANDS
 from macor_hil.hardware.devices import Hardware, open_hardware
 from macor_hil.hardware.driver import Driver, DriveSettings
 from macor_hil.hardware.khepera import Khepera
+from macor_hil.hardware.robots.robot import Arc
 from macor_hil.mind.catalogue import build_brain
+
+PATIENCE = 120.0
 
 needs_numba = pytest.mark.skipif(not compiled.is_installed(), reason="Numba is not installed")
 
@@ -50,7 +53,7 @@ def state_of(hardware: Hardware) -> dict[str, Any]:
         "line": (uart.receiver_free, uart.interpreter_free, uart.sender_free),
         "meter": hardware.robot.meter.read(),
         # blocks that were drawn ahead do not count
-        "drawn": (len(robot.slips._rows) % 256, len(robot.infrared.noise._rows) % 64),
+        "drawn": (robot.slips.left % 256, robot.infrared.noise.left % 64),
     }
 
 
@@ -69,6 +72,8 @@ def driven(hardware: Hardware, settings: DriveSettings, seed: int) -> Iterator[A
         left, right = rng.integers(-20, 20, 2).tolist()
         yield driver.hold(left, right, 0.4), state_of(hardware)
 
+
+ARC = Arc((20, 64, 20, 64), (50, 50), 1000, 0.3, 0.5)
 
 WATCHING = DriveSettings()
 PUSHING = DriveSettings(collision=5_000, patience=0.1)
@@ -93,7 +98,8 @@ PUSHING = DriveSettings(collision=5_000, patience=0.1)
 def test_watching_a_robot(url: str, settings: DriveSettings) -> None:
     baud = 38_400 if "seed=6" in url else 9600
     with open_hardware(url, baud=baud) as compiled_one, open_hardware(url, baud=baud) as plain_one:
-        as_type(Khepera, plain_one.robot)._watch = None
+        plain = as_type(Khepera, plain_one.robot)
+        plain._watch = plain._drive = None
         for seed, both in enumerate(
             zip(driven(compiled_one, settings, 1), driven(plain_one, settings, 1), strict=True)
         ):
@@ -110,7 +116,8 @@ def test_watching_a_robot(url: str, settings: DriveSettings) -> None:
 def test_what_is_more_than_a_robot_among_walls_is_left_to_the_client(options: str) -> None:
     port: Any = serial.serial_for_url(f"khepera://corridor?{options}", timeout=1)
     with port:
-        assert port.watch(1000, 0.0, 0.1) is None
+        assert port.watch(1000, 0.1) is None
+        assert port.drive(*ARC) is None
 
 
 @pytest.mark.long
@@ -119,9 +126,11 @@ def test_what_is_more_than_a_robot_among_walls_is_left_to_the_client(options: st
 def test_a_line_that_is_not_silent_is_left_to_the_client() -> None:
     with open_hardware("khepera://corridor") as hardware:
         port = hardware.robot.port
-        assert port.watch(1000, 0.0, 0.1) is not None
+        assert port.watch(1000, 0.1) is not None
+        assert port.drive(*ARC) is not None
         port.write(b"H")
-        assert port.watch(1000, 0.0, 0.1) is None
+        assert port.watch(1000, 0.1) is None
+        assert port.drive(*ARC) is None
 
 
 @needs_numba
@@ -175,16 +184,44 @@ def test_a_process_loads_them_when_it_has_run_the_plain_forms_for_long(
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(compiled, "is_installed", lambda: True)
     monkeypatch.delitem(sys.modules, "numba", raising=False)
-    runs = PlainRuns(16)
-    assert [runs.are_enough() for _ in range(18)] == [False] * 16 + [True] * 2
+    kernel = Kernel("some:function", 16)
+    assert [kernel.is_due() for _ in range(18)] == [False] * 16 + [True] * 2
     monkeypatch.setitem(sys.modules, "numba", sys)
-    runs = PlainRuns(16)
-    assert [runs.are_enough() for _ in range(4)] == [False] * 2 + [True] * 2
+    kernel = Kernel("some:function", 16)
+    assert [kernel.is_due() for _ in range(4)] == [False] * 2 + [True] * 2
     monkeypatch.setenv(VARIABLE, NEVER)
-    assert not runs.are_enough()
+    assert not kernel.is_due()
     monkeypatch.setattr(compiled, "is_installed", lambda: False)
     monkeypatch.setenv(VARIABLE, ALWAYS)
-    assert not runs.are_enough()
+    assert not kernel.is_due()
+
+
+SUM = """
+from khepera_protocol.system.compiled import compiled
+
+@compiled
+def total(numbers):
+    return numbers.sum()
+"""
+
+
+@needs_numba
+def test_machine_code_is_made_by_another_process_while_the_plain_form_runs(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "summing.py").write_text(SUM)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv(VARIABLE, AUTO)
+    kernel, numbers = Kernel("summing:total", 0), np.arange(4.0)
+    assert not kernel.pays(numbers)
+    assert kernel._maker is not None
+    assert kernel._maker.wait(PATIENCE) == 0
+    assert kernel.pays(numbers)
+    assert kernel(numbers) == 6.0
+    assert kernel._function.stats.cache_hits
+    again = Kernel("summing:total", 0)
+    assert again.pays(numbers)
+    assert again._maker is None
 
 
 def test_machine_code_older_than_a_source_is_taken_away(tmp_path: Path) -> None:

@@ -3,8 +3,13 @@
 import asyncio
 import json
 import logging
+import tracemalloc
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache, partial
 from math import radians
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -27,18 +32,21 @@ from watching_helpers import (
 
 from macor_hil.errors import TelemetryError
 from macor_hil.hardware.robots.khepera.form import KHEPERA
-from macor_hil.monitor.dashboard import sources
+from macor_hil.monitor.dashboard import playing
 from macor_hil.monitor.dashboard.board import Board, Parts
 from macor_hil.monitor.dashboard.connection import Connection, difference
 from macor_hil.monitor.dashboard.drawings import arena, charts, eyes, texts
 from macor_hil.monitor.dashboard.failures import Failures
-from macor_hil.monitor.dashboard.sources import RecordingSource, RecordingView, Shown, Timeline
+from macor_hil.monitor.dashboard.playing import BEFORE, RecordingSource, Timeline
+from macor_hil.monitor.dashboard.sources import RecordingView, Shown
 from macor_hil.monitor.dashboard.wishes import Wish
 from macor_hil.monitor.driving import driver_of
 from macor_hil.monitor.robot_state import Controlled, Emulated, MarkKind, RobotState
 from macor_hil.monitor.way import PIECE, Way
 from macor_hil.telemetry.examples import EXAMPLES
-from macor_hil.telemetry.feed import Event, Presence
+from macor_hil.telemetry.feed import Arrival, Event, Presence
+from macor_hil.telemetry.recordings.playing_times import LONGEST_SILENCE
+from macor_hil.telemetry.recordings.recording import Recorder, has_index, play_recording
 
 
 def a_watched(**changes: Any) -> RobotState:
@@ -391,6 +399,39 @@ def test_nothing_of_a_robot_that_has_gone_looks_alive() -> None:
     assert "was at" in text_of(parts["robot-rows"])
 
 
+class Reading:
+    """A recording whose events are counted when they are read."""
+
+    def __init__(self, events: Sequence[Event]) -> None:
+        self.events = events
+        self.read = 0
+
+    def __call__(self, begin: float, **_: bool) -> tuple[str, Iterator[Event]]:
+        if begin <= 0.0:
+            return "khepera", self._counted(self.events)
+        time = self.events[0].received + round(begin * SECOND)
+        latest: dict[tuple[str, str], Event] = {}
+        for event in self.events:
+            if event.received < time:
+                latest[event.side, getattr(event, "leaf", "alive")] = event
+        rest = [event for event in self.events if event.received >= time]
+        return "khepera", self._counted([*latest.values(), *rest])
+
+    def _counted(self, events: Sequence[Event]) -> Iterator[Event]:
+        for event in events:
+            self.read += 1
+            yield event
+
+
+@cache
+def a_long_life() -> Sequence[Event]:
+    return tuple(a_life(150))
+
+
+def timeline_of(events: Sequence[Event], *, has_index: bool = True) -> Timeline:
+    return Timeline(Reading(events), has_index=has_index)
+
+
 class Clock:
     now = 0.0
 
@@ -399,7 +440,7 @@ class Clock:
 
 
 def test_a_recording_is_scrubbed_forth_and_back() -> None:
-    player = RecordingSource(Timeline("khepera", a_life(3)), Clock())
+    player = RecordingSource(timeline_of(a_life(3)), Clock())
     player.seek(2.9)
     assert not_none(player.watched.controlled.decision).sequence == 1
     version = player.watched.version
@@ -417,7 +458,7 @@ def test_a_recording_is_scrubbed_forth_and_back() -> None:
 
 def test_playing_takes_its_time_and_ends() -> None:
     clock = Clock()
-    player = RecordingSource(Timeline("khepera", a_life(3)), clock)
+    player = RecordingSource(timeline_of(a_life(3)), clock)
     player.speed = 2.0
     clock.now = 0.75
     player.poll()
@@ -436,7 +477,7 @@ def test_playing_takes_its_time_and_ends() -> None:
 
 
 def test_each_page_plays_a_recording_for_itself() -> None:
-    timeline = Timeline("khepera", a_life(3))
+    timeline = timeline_of(a_life(3))
     first, second = (RecordingSource(timeline, Clock()) for _ in range(2))
     first.seek(2.9)
     second.toggle()
@@ -444,47 +485,138 @@ def test_each_page_plays_a_recording_for_itself() -> None:
     assert (second.position, second.playing) == (0.0, False)
 
 
-def test_a_page_that_plays_a_recording_does_not_read_it_anew(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    timeline = Timeline("khepera", a_life(3))
-    read: list[object] = []
-    monkeypatch.setattr(sources, "in_playing_time", read.append)
-    monkeypatch.setattr(sources, "moments_of", read.append)
+def test_a_page_reads_of_a_recording_what_it_shows() -> None:
+    reading = Reading(a_long_life())
+    timeline = Timeline(reading, has_index=True)
+    whole, reading.read = reading.read, 0
     pages = [RecordingSource(timeline, Clock()) for _ in range(2)]
     assert pages[0].moments is pages[1].moments
-    assert not read
+    for position in (148.0, 20.0, 30.0):
+        pages[0].seek(position)
+    a_minute = whole * BEFORE / pages[0].duration
+    assert a_minute < reading.read < a_minute + whole / 4
+    read = reading.read
+    pages[0].seek(33.0)
+    assert reading.read < read + 20
 
 
-def test_a_leap_is_taken_in_bounded_steps_and_going_back_begins_near(
+@pytest.mark.parametrize("has_index", [True, False])
+def test_a_moment_is_the_same_however_it_was_come_to(has_index: bool) -> None:
+    """A leap knows all that is known after playing on to there, but for ways and curves."""
+    events = a_long_life()
+    player = RecordingSource(timeline_of(events, has_index=has_index), Clock())
+    player.playing = False
+    for position in (130.3, 80.7, 100.9, 149.0, 3.2, 1e9, 0.0):
+        player.seek(position)
+        player.poll()
+        direct = RobotState("khepera")
+        for event in events:
+            if event.received <= BEGIN + round(player.position * SECOND):
+                direct.take(event)
+        for side in ("controlled", "emulated"):
+            known, wanted = getattr(player.watched, side), getattr(direct, side)
+            assert known.alive == wanted.alive
+        assert player.watched.controlled.decision == direct.controlled.decision
+        assert player.watched.controlled.state == direct.controlled.state
+        assert player.watched.emulated.outline == direct.emulated.outline
+        assert player.watched.emulated.truth == direct.emulated.truth
+        assert player.watched.frame == direct.frame
+        last = [past.sequence for past in direct.controlled.history][-50:]
+        assert [past.sequence for past in player.watched.controlled.history][-50:] == last
+        assert player.watched.controlled.missed == direct.controlled.missed
+
+
+@pytest.mark.parametrize("has_index", [True, False])
+def test_times_that_were_set_are_played_on(has_index: bool) -> None:
+    """A silence of hours lasts a minute, and a clock that went back does not matter."""
+    life = a_long_life()
+    hours = 5 * 3600 * SECOND
+    cut = len(life) // 2
+    for shift in (hours, -hours):
+        moved = [*life[:cut], *(replace(e, received=e.received + shift) for e in life[cut:])]
+        player = RecordingSource(timeline_of(moved, has_index=has_index), Clock())
+        pause = LONGEST_SILENCE if shift > 0 else 0.0
+        assert player.duration == pytest.approx(151.0 + pause, abs=1.0)
+        for position in (player.duration - 5.0, 20.0, player.duration - 60.0):
+            player.seek(position)
+            player.poll()
+            decision = not_none(player.watched.controlled.decision)
+            late = pause if position > 76.0 + pause else 0.0
+            assert decision.sequence == pytest.approx(position - late - 1.0, abs=1.5)
+
+
+def test_a_leap_without_an_index_is_taken_in_bounded_steps(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    events = a_life(1000)
-    player = RecordingSource(Timeline("khepera", events), Clock())
+    monkeypatch.setattr(playing, "AT_ONCE", 200)
+    events = a_long_life()
+    player = RecordingSource(timeline_of(events, has_index=False), Clock())
     player.seek(1e9)
     steps = 0
     while player.watched.controlled.alive or player.watched.controlled.decision is None:
         taken = player.watched.version
         player.poll()
-        assert 0 < player.watched.version - taken <= 2000
+        assert 0 < player.watched.version - taken <= 200
         steps += 1
-    assert steps == len(events) // 2000
-    again: list[Event] = []
-    monkeypatch.setattr(player.watched, "take", again.append)  # what was known near is enough
-    player.seek(player.duration - 1.0)
-    assert not again
-    direct = RobotState("khepera")
-    for event in events:
-        if event.received <= BEGIN + round((player.duration - 1.0) * SECOND):
-            direct.take(event)
-    assert player.watched.controlled.decision == direct.controlled.decision
-    assert list(player.watched.controlled.history) == list(direct.controlled.history)
-    assert list(player.watched.emulated.way) == list(direct.emulated.way)
+    assert steps == len(events) // 200
+
+
+class Counted(bytes):
+    """Data of an event that tells how many there are at once."""
+
+    there = most = 0
+
+    def __new__(cls, data: bytes) -> "Counted":
+        cls.there += 1
+        cls.most = max(cls.most, cls.there)
+        return super().__new__(cls, data)
+
+    def __del__(self) -> None:
+        type(self).there -= 1
+
+
+def test_a_recording_is_not_held_in_memory() -> None:
+    events = a_long_life()
+
+    def read(begin: float, **_: bool) -> tuple[str, Iterator[Event]]:
+        assert begin <= 0.0
+        return "khepera", (
+            replace(event, data=Counted(event.data)) if isinstance(event, Arrival) else event
+            for event in events
+        )
+
+    player = RecordingSource(Timeline(read, has_index=False), Clock())
+    for position in (100.0, 10.0, 1e9):
+        player.seek(position)
+        player.poll()
+    assert player.watched.version > len(events)
+    assert 0 < Counted.most < 10
+
+
+@pytest.mark.long
+def test_a_recording_ten_times_as_long_takes_no_more_memory(tmp_path: Path) -> None:
+    def used(decisions: int) -> int:
+        path = tmp_path / f"{decisions}.mcap"
+        with Recorder(path, "khepera") as recorder:
+            for event in a_life(decisions):
+                recorder.write(event)
+        tracemalloc.start()
+        try:
+            reading = partial(play_recording, path)
+            player = RecordingSource(Timeline(reading, has_index=has_index(path)), Clock())
+            player.seek(player.duration / 2)
+            player.poll()
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    short, long = used(130), used(1300)
+    assert long < short + 2_000_000
 
 
 @pytest.mark.parametrize("nowhere", [float("nan"), float("inf"), -float("inf")])
 def test_seeking_to_no_moment_stays_in_the_recording(nowhere: float) -> None:
-    player = RecordingSource(Timeline("khepera", a_life(3)), Clock())
+    player = RecordingSource(timeline_of(a_life(3)), Clock())
     player.seek(1.0)
     player.seek(nowhere)
     assert 0.0 <= player.position <= player.duration
@@ -497,7 +629,7 @@ def test_a_recording_is_marked_where_something_went_wrong() -> None:
     life[at] = json_event(CONTROLLER, "decision", a_decision(0, collided=True), 1.8)
     failed = a_state(Phase.FAILED, reason="the cable")
     life.insert(at + 1, json_event(CONTROLLER, "state", failed, 1.9))
-    player = RecordingSource(Timeline("khepera", life), Clock())
+    player = RecordingSource(timeline_of(life), Clock())
     assert player.moments == {
         "moments": [[1.8, "collision", "collision"], [1.9, "failure", "failure"]]
     }
@@ -537,7 +669,7 @@ def wish(**what: Any) -> str:
 
 
 def test_a_browser_plays_its_recording() -> None:
-    view = RecordingView(RecordingSource(Timeline("khepera", a_life(3)), Clock()))
+    view = RecordingView(RecordingSource(timeline_of(a_life(3)), Clock()))
     said = talk(
         Browser(wish(do="seek", value=2.9), wish(do="toggle"), wish(do="speed", value=4.0)), view
     )

@@ -2,6 +2,7 @@
 
 import signal
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from math import hypot, pi
 from typing import Any
 
@@ -13,7 +14,7 @@ from khepera_protocol.zenoh.payloads import Truth
 from macor_hil.commands import STRAIGHT
 from macor_hil.errors import RobotError
 from macor_hil.hardware.devices import Hardware, open_hardware
-from macor_hil.hardware.driver import LEASH, Driver
+from macor_hil.hardware.driver import LEASH, Driver, DriveSettings
 
 PORT = "khepera://open-box?seed=1&drift=none"
 STANDING = 0.004
@@ -147,3 +148,39 @@ def test_a_stop_that_was_not_confirmed_is_told_with_what_came_first(
     monkeypatch.setattr(hardware.robot, "halt", dead)
     with pytest.raises(RobotError, match=r"line is dead; the robot has NOT confirmed.*21 mm"):
         drive.driver.execute(STRAIGHT)
+
+
+@pytest.mark.parametrize("speed", [2, 20])
+@pytest.mark.parametrize("baud", [9600, 57600])
+@pytest.mark.parametrize("way", ["a command", "a way back", "a turn"])
+def test_a_robot_that_is_left_alone_stands_soon_where_that_was_asked_for(
+    monkeypatch: pytest.MonkeyPatch, speed: int, baud: int, way: str
+) -> None:
+    """As after SIGKILL: at any look, with nobody left to stop it."""
+    with open_hardware(PORT, baud=baud) as hardware:
+        drive = Drive(hardware, None)
+        settings = DriveSettings(speed=speed)
+        driver = Driver(hardware.robot, settings, lambda: drive._guard(), alone=0.36)
+        driver.start()
+        whole = driver.execute(STRAIGHT)
+        assert not whole.collided
+        assert whole.counters == pytest.approx([STRAIGHT.way / PULSE] * 2, abs=3)
+        monkeypatch.setattr(hardware.robot, "halt", lambda: None)
+        fastest = 0.0
+        for looks in range(1, 12, 2):
+            left = iter(range(looks))
+
+            def leave(left: Iterator[int] = left) -> None:
+                if next(left, None) is None:
+                    raise Defect
+
+            drive._guard = leave  # type: ignore[method-assign]
+            with suppress(Defect):
+                WAYS[way](driver)
+            fastest = max(fastest, drive.speed())
+            drive.stands(0.5)
+            assert drive.speed() < STANDING
+            drive._guard = lambda: None  # type: ignore[method-assign]
+            driver.start()
+            driver.execute(STRAIGHT)
+        assert fastest > 0.01

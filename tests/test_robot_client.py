@@ -475,3 +475,21 @@ def test_the_time_limit_grows_as_the_line_slows() -> None:
     fast, slow = (time_limit(build_request("N"), baud) for baud in (38400, 9600))
     assert slow - PATIENCE == pytest.approx(45 * 11 / 9600)
     assert slow - PATIENCE == pytest.approx(4 * (fast - PATIENCE))
+
+
+def test_why_a_port_cannot_be_opened_is_said_once(tmp_path: Path) -> None:
+    for number in (1, 2):
+        (tmp_path / f"khepera-{number}").touch()
+    with pytest.raises(LinkError) as none:
+        open_port(str(tmp_path / "khepera"))
+    end = ": there is no such file; there are khepera-1, khepera-2"
+    assert str(none.value) == f"cannot open the serial port {tmp_path / 'khepera'}{end}"
+    master, slave = os.openpty()
+    try:
+        name = os.ttyname(slave)
+        with open_port(name), pytest.raises(LinkError, match="another program has it") as busy:
+            open_port(name)
+        assert "Errno" not in str(busy.value)
+    finally:
+        os.close(master)
+        os.close(slave)

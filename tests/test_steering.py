@@ -19,11 +19,12 @@ from test_khepera_url import ask, open_port
 
 from khepera_emulator.errors import EmulatorError
 from macor_hil.errors import MacorError, TelemetryError
+from macor_hil.hardware.khepera import Khepera
 from macor_hil.monitor.roster import Roster
 from macor_hil.runs.live_run import serve
 from macor_hil.runs.options import RunOptions
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.wishes.steer_key import Helm, ask_to_steer, steer_key
+from macor_hil.telemetry.wishes.steer_key import Helm, PausedError, ask_to_steer, steer_key
 
 PORT = "khepera://corridor?seed=1&drift=none"
 
@@ -89,7 +90,7 @@ def test_chance_of_the_other_faults_stays_as_it_is() -> None:
     assert replies(meddle=True) == replies(meddle=False)
 
 
-def test_wishes_wait_for_the_end_of_the_command() -> None:
+def test_a_course_waits_for_the_end_of_the_command_and_a_pause_does_not() -> None:
     helm = Helm(anything)
     assert not helm.wants
     assert helm.take(Steer()) == "nothing to do"
@@ -97,7 +98,10 @@ def test_wishes_wait_for_the_end_of_the_command() -> None:
     assert helm.wants
     assert not_none(helm.course()).planner == "graded"
     assert helm.course() is None
+    helm.guard()
     helm.take(Steer(pause=True))
+    with pytest.raises(PausedError):
+        helm.guard()
     looks = []
 
     def look() -> None:
@@ -192,12 +196,50 @@ def test_a_run_is_paused_and_goes_on_by_another_planner(map_file: Path) -> None:
             thread.start()
             report = serve(options, on_step)
             thread.join()
-    assert said == ["pausing after this command, a new course after this command", "going on"]
+    assert said == ["pausing, a new course after this command", "going on"]
     assert report.commands == 5 or report.collided
     last = states.get(timeout=PATIENCE)
     while last.phase is not Phase.STOPPED:
         last = states.get(timeout=PATIENCE)
     assert last.planner == "reactive"
+
+
+def test_a_pause_stops_the_robot_in_mid_command(
+    map_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    endpoint = free_endpoint()
+    options = RunOptions(
+        port=PORT, map_file=map_file, commands=4, listen=(endpoint,), connect=(), steer_key=True
+    )
+    moves: list[float] = []
+    asked: list[float] = []
+    stood: list[float] = []
+    go_to, look, halt = Khepera.go_to, Khepera.proximity, Khepera.halt
+
+    def go(robot: Khepera, *target: int) -> None:
+        moves.append(robot.clock())
+        go_to(robot, *target)
+
+    def watch(robot: Khepera) -> tuple[int, ...]:
+        if len(moves) == 2 and not asked and robot.clock() - moves[-1] > 0.3:
+            asked.append(robot.clock())
+            ask_when_it_is_known(session, Steer(pause=True))
+        return look(robot)
+
+    def stop(robot: Khepera) -> None:
+        halt(robot)
+        if asked and not stood:
+            stood.append(robot.clock())
+            ask_when_it_is_known(session, Steer(pause=False))
+
+    monkeypatch.setattr(Khepera, "go_to", go)
+    monkeypatch.setattr(Khepera, "proximity", watch)
+    monkeypatch.setattr(Khepera, "halt", stop)
+    with open_session([], [endpoint]) as session:
+        report = serve(options, None)
+    assert stood[0] - asked[0] < 0.3  # of 0.4 s to the end of the command
+    assert len(moves) == report.commands + 1
+    assert report.commands == 4 or report.collided
 
 
 @pytest.mark.parametrize(

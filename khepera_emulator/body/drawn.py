@@ -19,34 +19,36 @@ class Drawn:
     def __init__(self, draw: Callable[[], Numbers]) -> None:
         self._draw = draw
         self._block: Numbers | None = None
-        self._rows: list[Any] = []  # those to come, the last one first
+        self._rows: list[Any] | None = None  # of the block, where they are taken one by one
+        self._taken = 0
 
     def __iter__(self) -> Self:
         return self
 
     def __next__(self) -> Any:
         """Return the next row, as a list."""
-        rows = self._rows
-        if not rows:
-            self._take(self._draw())
-            rows = self._rows
-        return rows.pop()
+        rows, k = self._rows, self._taken
+        if rows is None or k == len(rows):
+            self._block, self._taken = self.ahead(1), 0
+            self._rows = rows = self._block.tolist()
+            k = 0
+        self._taken = k + 1
+        return rows[k]
+
+    @property
+    def left(self) -> int:
+        """Number of rows that are drawn and were not taken."""
+        return 0 if self._block is None else len(self._block) - self._taken
 
     def ahead(self, least: int) -> Numbers:
         """Return the rows to come, so many at least; they stay where they are."""
-        while self._block is None or len(self._rows) < least:
-            left = len(self._rows)
+        while self._block is None or self.left < least:
             block = self._draw()
-            if left and self._block is not None:
-                block = np.concatenate([self._block[-left:], block])
-            self._take(block)
-        return self._block[len(self._block) - len(self._rows) :]
+            if self._block is not None and self.left:
+                block = np.concatenate([self._block[self._taken :], block])
+            self._block, self._rows, self._taken = block, None, 0
+        return self._block[self._taken :]
 
     def skip(self, count: int) -> None:
         """Let go of the next rows, which were taken from what is ahead."""
-        if count:
-            del self._rows[-count:]
-
-    def _take(self, block: Numbers) -> None:
-        self._block = block
-        self._rows = block[::-1].tolist()
+        self._taken += count

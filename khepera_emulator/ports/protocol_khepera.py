@@ -156,25 +156,34 @@ class Serial(SerialBase):
         emulator.write(data)
         return len(data)
 
-    def watch(self, limit: int, begin: float, duration: float, patience: float = -1.0) -> Any:
+    def watch(self, limit: int, until: float) -> Any:
         """Ask for the proximity sensors again and again, as a client does by N, but all at once.
 
         What comes of it is the same to the last bit.
 
         Args:
             limit: counts of one of the six sensors at front and sides that end it.
-            begin: time on this port's clock from which the duration counts.
-            duration: seconds after which the first reply ends it.
-            patience: 0 or more: after the duration K follows each N, until both wheels have reached
-                their targets, or so many seconds more are over.
+            until: time on this port's clock that ends it.
 
         Returns:
             See `robot.compiled.watcher.Watched`; None if the client has to ask by itself.
         """
-        from khepera_emulator.robot.compiled.watcher import Until
+        return self._open_emulator().watch(limit, until)
 
-        until = Until(limit, begin, duration, patience)
-        return self._open_emulator().watch(until)
+    def drive(self, *arc: Any) -> Any:
+        """Drive an arc as a client does, but all at once: J, C, N and K until it is over, D, H.
+
+        What comes of it is the same to the last bit.
+
+        Args:
+            arc: see `robot.compiled.watcher.Arc`.
+
+        Returns:
+            See `robot.compiled.watcher.Driven`; None if the client has to ask by itself.
+        """
+        from khepera_emulator.robot.compiled.watcher import Arc
+
+        return self._open_emulator().drive(Arc(*arc))
 
     def flush(self) -> None:
         """Let time pass until everything written has arrived at the robot."""

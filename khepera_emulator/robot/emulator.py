@@ -22,7 +22,7 @@ from khepera_emulator.line.fault_text import MOST_FAULTS, parse_fault
 from khepera_emulator.line.faults import Faults
 from khepera_emulator.line.uart import Uart, on_grid
 from khepera_emulator.robot.ailments import Ailments
-from khepera_emulator.robot.compiled.watcher import Until, Watched, Watcher
+from khepera_emulator.robot.compiled.watcher import Arc, Driven, Watched, Watcher
 from khepera_emulator.robot.fleet import Fleet
 from khepera_emulator.robot.kind import Berth, Console, kind_of
 from khepera_emulator.robot.rolling import Rolling
@@ -162,11 +162,18 @@ class Emulator:
             self.uart.use_rate(self._next_rate)
             self._next_rate = None
 
-    def watch(self, until: Until) -> Watched | None:
+    def watch(self, limit: int, until: float) -> Watched | None:
         """Answer a client that asks for the proximity sensors again and again; see `Watcher`."""
+        return self._watch().watch(self._robot, self._fleet, self.uart, limit, until)
+
+    def drive(self, arc: Arc) -> Driven | None:
+        """Answer a client that drives an arc; see `Watcher`."""
+        return self._watch().drive(self._robot, self._fleet, self.uart, arc)
+
+    def _watch(self) -> Watcher:
         if self._watcher is None:
             self._watcher = Watcher()
-        return self._watcher.watch(self._robot, self._fleet, self.uart, until)
+        return self._watcher
 
     def _change_rate(self, rate: int) -> None:
         self._next_rate = rate  # the reply to the change still goes out at the rate before

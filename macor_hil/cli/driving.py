@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from khepera_protocol.config_file import add_config
 from khepera_protocol.logs import LogOptions, set_up_log
 from khepera_protocol.options import Cli, takes
 from khepera_protocol.zenoh.config import CONTROLLER_ENDPOINT, DEFAULT_ENDPOINT
@@ -37,6 +38,7 @@ from macor_hil.runs.run_reporter import RunReport
 from macor_hil.telemetry.wishes.stop_key import ask_to_stop
 
 app = typer.Typer()
+add_config(app, "run")
 
 
 class LookOptions(AllowOptions, ProfileOptions, DeviceOptions):

@@ -3,27 +3,15 @@
 import logging
 import os
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Final
+from typing import ClassVar, Final
 
 import typer
-from khepera_protocol.config_file import add_config
-from khepera_protocol.logs import logs_json
-from khepera_protocol.options import OptionError
-from khepera_protocol.text import PrintableFormatter, printable
+from khepera_protocol.system.program_parts import Described, Parts
+from khepera_protocol.text import OptionError, PrintableFormatter, printable
 from khepera_protocol.version import VersionOption
 
-from macor_hil.cli import (
-    by_hand,
-    classroom,
-    driving,
-    learning,
-    measuring,
-    ros,
-    scoring,
-    viewing,
-    watching,
-)
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
 from macor_hil.errors import MacorError, NotStoppedError, is_lost
 from macor_hil.safety.interruption import Interruption
@@ -53,7 +41,27 @@ All of it at once, with an emulated robot:
 _ENDED: Final = {"SIGINT": "interrupted", CLOSED_OUTPUT: "nobody reads the standard output"}
 """Words for an end by somebody, where they are not `ended by` them."""
 
+
+class _Program(Parts):
+    """All commands, in the order of the help."""
+
+    first: ClassVar[Mapping[str, Described]] = {
+        "config": (
+            "macor_hil.cli.driving",
+            "Check or print a TOML file of options, for --config.",
+        )
+    }
+    modules = tuple(
+        f"macor_hil.cli.{part}"
+        for part in (
+            *("learning", "scoring", "driving", "by_hand", "measuring", "watching", "viewing"),
+            *("classroom", "ros"),
+        )
+    )
+
+
 app = typer.Typer(
+    cls=_Program,
     help="MACOR: a controller that learns what it sees and plans by anticipation.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -61,9 +69,6 @@ app = typer.Typer(
     epilog=_EXAMPLES,
     context_settings={"auto_envvar_prefix": "MACOR_HIL"},
 )
-for _part in (learning, scoring, driving, by_hand, measuring, watching, viewing, classroom, ros):
-    app.add_typer(_part.app)
-add_config(app, "run")
 
 
 @app.callback()
@@ -128,6 +133,8 @@ def _farewell(interruption: Interruption) -> str:
 
 
 def _say(sentence: str) -> None:
+    from khepera_protocol.logs import logs_json
+
     if logs_json():
         _log.error(sentence)
         return

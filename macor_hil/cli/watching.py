@@ -244,13 +244,8 @@ def dashboard(options: DashboardOptions) -> None:
     """
     with extra("dashboard"):
         from macor_hil.monitor.dashboard.app import run
-    from macor_hil.monitor.dashboard.sources import (
-        Live,
-        LiveView,
-        RecordingSource,
-        RecordingView,
-        Timeline,
-    )
+    from macor_hil.monitor.dashboard.playing import RecordingSource, Timeline
+    from macor_hil.monitor.dashboard.sources import Live, LiveView, RecordingView
     from macor_hil.monitor.dashboard.steering import steer
     from macor_hil.monitor.roster import Roster
 
@@ -258,9 +253,9 @@ def dashboard(options: DashboardOptions) -> None:
         if options.allow_control:
             raise MacorError("a recording cannot be steered; leave --allow-control out")
         with extra("recording"):
-            from macor_hil.telemetry.recordings.recording import read_recording
-        name, events = read_recording(options.file)
-        timeline = Timeline(printable(name, 100), events)
+            from macor_hil.telemetry.recordings.recording import has_index, play_recording
+        reading = partial(play_recording, options.file)
+        timeline = Timeline(reading, has_index=has_index(options.file))
         run(
             lambda look: RecordingView(RecordingSource(timeline).resumed(look)),
             options.doors,

@@ -23,11 +23,11 @@ from macor_hil.errors import RobotResetError, StrayedError
 from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.robots.robot import (
     FRONT_SENSORS,
+    Arc,
+    Arrival,
     Followed,
-    Look,
     Robot,
     WheelStatus,
-    looked,
 )
 from macor_hil.hardware.standstill import standing_on_failure
 
@@ -72,9 +72,8 @@ Guard = Callable[[], None]
 
 _Counts = tuple[int, int]
 
-_Going = Callable[[_Counts, tuple[float, float]], tuple[tuple[int, ...], bool]]
-"""A way of driving from counts by the ways of both wheels, with the last proximity and whether
-that was a collision."""
+_Going = Callable[[_Counts, tuple[float, float]], Arrival]
+"""A way of driving from counts by the ways of both wheels."""
 
 
 def all_of(*guards: Guard) -> Guard:
@@ -92,9 +91,6 @@ LEASH = 0.15
 
 _SLACK_LEASH = 0.8
 """Share of the leash at which the target moves on."""
-
-_NEVER = 1 << 30
-"""More than any sensor reads."""
 
 _TRAIL = 64
 _SLACK = 40
@@ -127,6 +123,22 @@ def duration_of(settings: DriveSettings, counts: float, leash: float = inf) -> f
     return way / top + top / acceleration
 
 
+def counts_within(speed: int, acceleration: int, seconds: float) -> float:
+    """Return the counts that a profile goes from rest to rest in some seconds.
+
+    No robot on its way needs longer for its last counts, however fast it is.
+
+    Args:
+        speed: of the profile, in the units of J.
+        acceleration: of the profile.
+        seconds: how long.
+    """
+    top, rise = speed * SPEED_UNIT, acceleration * ACCELERATION_UNIT
+    if top > rise * seconds / 2:
+        return rise * seconds**2 / 4 / PULSE
+    return top * (seconds - top / rise) / PULSE
+
+
 def _longest(ways: tuple[float, float]) -> float:
     return max(abs(ways[0]), abs(ways[1]), 1.0)
 
@@ -149,6 +161,8 @@ class Driver:
         guard: what must hold while it drives; None: nothing.
         patient: whether the guard need not be asked between any two looks at a robot in this
             process, which drives a command in a millisecond.
+        alone: seconds in which a robot comes to rest that nobody can stop any more; None: it goes
+            to the end of its command, or of a leg's leash.
 
     Attributes:
         settings: how it is driven.
@@ -161,13 +175,15 @@ class Driver:
         guard: Guard | None = None,
         *,
         patient: bool = False,
+        alone: float | None = None,
     ) -> None:
         # no faster than the robot can: times are reckoned with it
         self.settings = replace(settings, speed=min(settings.speed, robot.top_speed))
         self._robot = robot
         self._guard = guard or _nothing
-        alone = patient or guard is None
-        self._followed = robot if alone and isinstance(robot, Followed) else None
+        unguarded = patient or guard is None
+        self._followed = robot if unguarded and isinstance(robot, Followed) else None
+        self._alone = alone
         self._target = (0, 0)
         self._trail: deque[tuple[int, int]] = deque(maxlen=_TRAIL)
 
@@ -266,37 +282,50 @@ class Driver:
         begin = self._target
         ways = self.settings.wheels.counts(way, turn)
         self._target = begin[0] + round(ways[0]), begin[1] + round(ways[1])
-        proximity, collided = go(begin, ways)
-        if collided:
-            self._robot.stop()
-        counters = self._robot.counters()
+        collided, proximity, counters = go(begin, ways)
         self._check(begin, counters)
         if collided:
             self._target = counters
         return Outcome(collided, proximity, counters)
 
-    def _go_at_once(
-        self, _begin: _Counts, ways: tuple[float, float]
-    ) -> tuple[tuple[int, ...], bool]:
-        return self._go(self._target, ways, watch=True)
+    def _go_at_once(self, _begin: _Counts, ways: tuple[float, float]) -> Arrival:
+        if self._followed is not None:
+            settings = self.settings
+            left, right = profiles_of(settings, ways)
+            seconds = duration_of(settings, _longest(ways))
+            profile, limit = (*left, *right), settings.collision
+            arc = Arc(profile, self._target, limit, seconds, settings.patience)
+            if (arrival := self._followed.drive(arc)) is not None:
+                return arrival
+        return self._arrived(*self._go(self._target, ways, watch=True))
+
+    def _arrived(self, proximity: tuple[int, ...], collided: bool) -> Arrival:
+        """Stop after a collision, and ask for the counters."""
+        if collided:
+            self._robot.stop()
+        return Arrival(collided, proximity, self._robot.counters())
 
     def _go(
         self, target: tuple[int, int], ways: tuple[float, float], *, watch: bool
     ) -> tuple[tuple[int, ...], bool]:
         settings, robot = self.settings, self._robot
+        if self._alone is not None:
+            leash = counts_within(settings.speed, settings.acceleration, self._alone)
+            begin = target[0] - round(ways[0]), target[1] - round(ways[1])
+            return self._go_ahead(begin, ways, leash, watch=watch)
         robot.set_profile(*profiles_of(settings, ways))
         robot.go_to(*target)
         start = robot.clock()
         duration = duration_of(settings, _longest(ways))
-        limit = settings.collision if watch else _NEVER
         while True:
             self._guard()
-            proximity, elapsed, wheels = self._follow(limit, start, duration)
+            proximity = robot.proximity()
+            elapsed = robot.clock() - start
             if watch and is_touching(proximity, settings):
                 return proximity, True
-            if wheels is None:
+            if elapsed < duration:
                 continue
-            left, right = wheels
+            left, right = robot.status()
             if left.reached and right.reached:
                 return proximity, False
             self._check_remembered(left, right)
@@ -306,23 +335,25 @@ class Driver:
     def _watch(self, end: float) -> tuple[int, ...]:
         """Look at the sensors, of a robot in this process until a collision or a time."""
         if self._followed is not None:
-            return self._followed.watch(self.settings.collision, 0.0, end)
+            return self._followed.watch(self.settings.collision, end)
         return self._robot.proximity()
 
-    def _follow(self, limit: int, begin: float, seconds: float) -> Look:
-        """Look at a robot that has set out to a target; see `Followed`."""
-        if self._followed is not None:
-            return self._followed.follow(limit, begin, seconds, self.settings.patience)
-        return looked(self._robot, limit, begin, seconds)
+    def _go_on_a_leash(self, begin: _Counts, ways: tuple[float, float]) -> Arrival:
+        return self._arrived(*self._on_a_leash(begin, ways))
 
-    def _go_on_a_leash(
+    def _on_a_leash(
         self, begin: _Counts, ways: tuple[float, float]
     ) -> tuple[tuple[int, ...], bool]:
+        wheels = self.settings.wheels
+        return self._go_ahead(begin, ways, LEASH / min(wheels.left, wheels.right), watch=True)
+
+    def _go_ahead(
+        self, begin: _Counts, ways: tuple[float, float], leash: float, *, watch: bool
+    ) -> tuple[tuple[int, ...], bool]:
+        """Drive to targets that move on with the robot, so many counts ahead at most."""
         settings, robot = self.settings, self._robot
         longest = _longest(ways)
-        leash = LEASH / min(settings.wheels.left, settings.wheels.right)
-        profile = settings.speed, settings.acceleration
-        robot.set_profile(profile, profile)
+        robot.set_profile(*profiles_of(settings, ways))
         end = robot.clock() + duration_of(settings, longest, leash) + settings.patience
         ahead = 0.0
         left = right = WheelStatus(reached=False, speed_mode=False, error=0)
@@ -334,7 +365,8 @@ class Driver:
                 robot.go_to(begin[0] + round(ways[0] * share), begin[1] + round(ways[1] * share))
             self._guard()
             proximity = robot.proximity()
-            if is_touching(proximity, settings) or robot.clock() > end:
+            touching = watch and is_touching(proximity, settings)
+            if touching or robot.clock() > end:
                 return proximity, True
             left, right = robot.status()
             self._check_remembered(left, right)

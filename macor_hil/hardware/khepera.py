@@ -15,7 +15,7 @@ from khepera_protocol.serial.units import battery_volts
 from macor_hil.errors import GarbageError, SilenceError
 from macor_hil.hardware.line.serial_line import LONGEST_REPLY, Line, open_port
 from macor_hil.hardware.robots.client import LineClient, looks_reset
-from macor_hil.hardware.robots.robot import FRONT_SENSORS, Look, RobotKind, WheelStatus, looked
+from macor_hil.hardware.robots.robot import Arc, Arrival, RobotKind, WheelStatus
 
 __all__ = ["LONGEST_REPLY", "Khepera", "WheelStatus", "open_port"]
 
@@ -90,6 +90,7 @@ class Khepera(LineClient[Line]):
     def _take(self, line: Line) -> None:
         super()._take(line)
         self._watch: Callable[..., Any] | None = getattr(line.port, "watch", None)
+        self._drive: Callable[..., Any] | None = getattr(line.port, "drive", None)
 
     def _resume(self) -> bool:
         left, right = self._exchange("H").values
@@ -152,34 +153,32 @@ class Khepera(LineClient[Line]):
         """Return the eight proximity sensors, 0 far to 1023 near."""
         return self.request("N").values
 
-    def watch(self, limit: int, begin: float, seconds: float) -> tuple[int, ...]:
+    def watch(self, limit: int, until: float) -> tuple[int, ...]:
         """Return the proximity sensors; see `Followed`. Elsewhere than in this process: at once."""
-        found = self._watched(limit, begin, seconds, -1.0)
-        if found is None:
-            return self.proximity()
-        counts: tuple[int, ...] = found.counts
-        return counts
-
-    def follow(self, limit: int, begin: float, seconds: float, patience: float) -> Look:
-        """Look at a robot on its way; see `Followed`. Elsewhere than in this process: once."""
-        found = self._watched(limit, begin, seconds, patience)
-        if found is None:
-            return looked(self, limit, begin, seconds)
-        if found.told is None:
-            seen = max(found.counts[FRONT_SENSORS]) >= limit or found.elapsed < seconds
-            return Look(found.counts, found.elapsed, None if seen else self.status())
-        left, right = (WheelStatus(reached, False, error) for reached, error in found.told)
-        return Look(found.counts, found.elapsed, (left, right))
-
-    def _watched(self, limit: int, begin: float, seconds: float, patience: float) -> Any:
-        """Return what a port in this process finds by asking itself; None: it does not."""
-        if self._watch is None:
-            return None
         start = self.clock()
-        found = self._watch(limit, begin, seconds, patience)
-        if found is not None:
-            self.meter.watched(found.exchanges, self.clock() - start, found.longest)
-        return found
+        watched = None if self._watch is None else self._watch(limit, until)
+        if watched is None:
+            return self.proximity()
+        return self._note(watched, start)
+
+    def drive(self, arc: Arc) -> Arrival | None:
+        """Drive an arc; see `Followed`. Elsewhere than in this process: None."""
+        if self._drive is None:
+            return None
+        for letter, numbers in (("J", arc.profile), ("C", arc.target)):
+            build_request(letter, *numbers)  # refuses what no robot takes
+        start = self.clock()
+        driven = self._drive(*arc)
+        if driven is None:
+            return None
+        self._settings["J"], self._counters = arc.profile, driven.counters
+        return Arrival(driven.collided, self._note(driven.watched, start), driven.counters)
+
+    def _note(self, watched: Any, start: float) -> tuple[int, ...]:
+        """Count exchanges that a port in this process has had with itself; returns the sensors."""
+        self.meter.watched(watched.exchanges, self.clock() - start, watched.longest)
+        counts: tuple[int, ...] = watched.counts
+        return counts
 
     def battery(self) -> float:
         """Return the battery's voltage."""

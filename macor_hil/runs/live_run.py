@@ -62,7 +62,7 @@ from macor_hil.safety.late_bell import LateBell
 from macor_hil.telemetry.metrics import metrics_of
 from macor_hil.telemetry.publisher import Publisher
 from macor_hil.telemetry.session import open_session
-from macor_hil.telemetry.wishes.steer_key import Helm, steer_key
+from macor_hil.telemetry.wishes.steer_key import Helm, PausedError, steer_key
 from macor_hil.telemetry.wishes.stop_key import stop_key
 
 _log = logging.getLogger(__name__)
@@ -261,7 +261,7 @@ class _LiveRun:
             # the inner one: the robot is stopped first
             standing_on_failure(self._robot, LONGEST_WAY),
         ):
-            guard = all_of(self._check, watch.guard, reporter.check)
+            guard = all_of(self._check, watch.guard, reporter.check, self._helm.guard)
             driver = Driver(self._robot, self._settings, guard)
             agent = Agent(self._brain, driver, reporter.watched(self._camera))
             timed = _TimedPlanner(planner, bell, self._reporter)
@@ -275,6 +275,8 @@ class _LiveRun:
                     if ending is not Ending.COLLISION or after is AfterCollision.STOP:
                         return ending
                     self._back_off(driver, rng)
+                except PausedError:
+                    self._find()
                 except (RobotError, CameraError) as error:
                     self._recover(error)
 
@@ -343,6 +345,30 @@ class _LiveRun:
             RobotError, CameraError: they do not in time; or nothing but failures comes.
         """
         patience = self._options.recovery
+        while True:
+            more = self._get_back(error, patience)
+            try:
+                self._reporter.move_to(self._robot.counters())
+                break
+            except RobotError as again:
+                error = again
+        self._reporter.recoveries += 1
+        if more > 0:
+            pause(min(2.0**more, _LONGEST_PAUSE), self._check)
+
+    def _find(self) -> None:
+        """Know where a robot stands that was stopped in mid-command.
+
+        Raises:
+            RobotError, CameraError: see `_recover`.
+        """
+        try:
+            self._reporter.move_to(self._robot.counters())
+        except RobotError as error:
+            self._recover(error)
+
+    def _get_back(self, error: MacorError, patience: float) -> int:
+        """Wait until robot and camera work; return how many failures too many were in a row."""
         if patience <= 0.0 or self._interruption.name or is_hopeless(error, self._camera):
             raise error
         self._in_a_row += 1
@@ -352,10 +378,7 @@ class _LiveRun:
         _log.warning("recovering from: %s", error)
         self._reporter.say(Phase.RECOVERING, str(error))
         wait_until_both_work(self._robot, self._camera, patience, self._check)
-        self._reporter.move_to(self._robot.counters())
-        self._reporter.recoveries += 1
-        if more > 0:
-            pause(min(2.0**more, _LONGEST_PAUSE), self._check)
+        return more
 
     def _planner_is_late(self) -> None:
         """Tell that the planner has not decided for a while; the robot stands meanwhile."""

@@ -34,11 +34,8 @@ from khepera_protocol.text import (
     printable,
     quoted,
 )
+from khepera_protocol.text import OptionError as OptionError
 from khepera_protocol.validation import problems
-
-
-class OptionError(ValueError):
-    """Options, or a file of them, that cannot be used; the message is one sentence."""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,10 @@ class DocumentError(ValueError):
     """A document cannot be parsed; the message says why, without naming the document."""
 
 
+class OptionError(ValueError):
+    """Options, or a file of them, that cannot be used; the message is one sentence."""
+
+
 def printable(text: str | bytes, limit: int | None = None) -> str:
     r"""Replace what a terminal would obey by escapes such as `\x1b`, and cut what is too long.
 

@@ -7,6 +7,7 @@ import numpy as np
 from khepera_protocol.serial.units import CONTROL_PERIOD, PULSE
 from khepera_protocol.system.compiled import compiled, part
 
+from khepera_emulator.robot.compiled.layout import LEFT, RIGHT
 from khepera_emulator.robot.compiled.solids import clearance, gap_to, hypot, toward
 from khepera_emulator.robot.compiled.wheels import at_rest, control, roll
 
@@ -33,7 +34,7 @@ def run(robot: Any, walls: Any, slips: Any, ticks: int, stage: Any) -> None:
         stage: see `layout.Stage`.
     """
     while robot.ticks < ticks:
-        if at_rest(robot, 0) and at_rest(robot, 1):
+        if at_rest(robot, LEFT) and at_rest(robot, RIGHT):
             robot.ground_speed[0] = robot.ground_speed[1] = 0.0
             if ticks // _SCAN_TICKS > robot.ticks // _SCAN_TICKS:
                 start_scan(robot)
@@ -52,7 +53,7 @@ def start_scan(robot: Any) -> None:
 @part
 def _period(robot: Any, walls: Any, slips: Any, stage: Any) -> None:
     model = stage.model[0]
-    free_left, free_right = control(robot, 0, model), control(robot, 1, model)
+    free_left, free_right = control(robot, LEFT, model), control(robot, RIGHT, model)
     mean_left = (robot.speed[0] + free_left) / 2
     mean_right = (robot.speed[1] + free_right) / 2
     sd = robot.slip * _SPOT_SLIP if mean_left * mean_right < 0.0 else robot.slip
@@ -70,9 +71,9 @@ def _period(robot: Any, walls: Any, slips: Any, stage: Any) -> None:
     if robot.contact:
         robot.touched = 1
     turned = left / PULSE
-    roll(robot, 0, turned, free_left if abs(turned - mean_left) <= _HELD else turned)
+    roll(robot, LEFT, turned, free_left if abs(turned - mean_left) <= _HELD else turned)
     turned = right / PULSE
-    roll(robot, 1, turned, free_right if abs(turned - mean_right) <= _HELD else turned)
+    roll(robot, RIGHT, turned, free_right if abs(turned - mean_right) <= _HELD else turned)
     if robot.ticks % _SCAN_TICKS == 0:
         start_scan(robot)
 

@@ -4,7 +4,7 @@ Names and units are those of the classes that hold the same numbers: `body.motor
 `body.chassis.Chassis`, `body.contact.Contact`, `robot.robot.Robot` and `line.uart.Uart`.
 """
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,17 @@ Records = NDArray[np.void]
 
 _REAL, _WHOLE = np.float64, np.int64
 
+LEFT: Any = np.int64(0)
+"""A wheel; a function that is given a plain number is compiled for that number alone."""
+
+RIGHT: Any = np.int64(1)
+"""The other one."""
+
 SPEED, POSITION, DUTY = 0, 1, 2
 """Controllers that drive a wheel, as `body.motors.Mode`."""
+
+MORE, SEEN, TOLD = 0, 1, 2
+"""Ends of a watch: more numbers must be drawn; after a reply of the sensors, of the controllers."""
 
 ROBOT: Final = np.dtype(
     [

@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 
 from khepera_emulator.body.contact import Motion
-from khepera_emulator.body.motors import Mode
+from khepera_emulator.body.motors import Mode, Profile
 from khepera_emulator.line.clock import WRITE_TIME
 from khepera_emulator.line.uart import Uart
 from khepera_emulator.robot.compiled.layout import (
@@ -31,6 +31,12 @@ _WHEEL = (
     *("reference", "reference_speed", "integral", "last_error"),
 )
 """Fields of a wheel that are named as in its class."""
+
+_PLACE: Final = {name: ROBOT.fields[name][1] // 8 for name in ROBOT.names or () if ROBOT.fields}
+"""Place of each field among the numbers of a record, or of its first number."""
+
+_REAL_WHEEL = tuple(name for name in _WHEEL if ROBOT[name].base.kind == "f")
+_WHOLE_WHEEL = tuple(name for name in _WHEEL if ROBOT[name].base.kind == "i")
 
 _CONTACT = ("arm", "turns_arm", "turns_radius", "stiff", "rub", "lean")
 
@@ -64,14 +70,18 @@ class Packed:
 
     Attributes:
         records: one record.
+        record: the same.
         walls: impulses of what it pushes, shape (solids, 2).
     """
 
     def __init__(self, robot: Robot, solids: int) -> None:
         self.records = np.zeros(1, ROBOT)
         self.walls: Array = np.zeros((solids, 2))
+        self.record: Any = self.records[0]
         self._robot = robot
         self._views: dict[str, Any] = {name: self.records[name][0] for name in ROBOT.names or ()}
+        # all fields are numbers of eight bytes: as a list of either kind they are read at once
+        self._reals, self._wholes = self.records.view(np.float64), self.records.view(np.int64)
         record = self.records
         chassis = robot.chassis
         record["scale"] = chassis.left_scale, chassis.right_scale
@@ -115,31 +125,50 @@ class Packed:
 
     def give(self) -> None:
         """Hand back what the robot is like now."""
-        robot, (record,) = self._robot, self.records.tolist()
-        is_ = dict(zip(ROBOT.names or (), record, strict=True))
-        for w, wheel in enumerate(robot.wheels):
-            for name in _WHEEL:
-                setattr(wheel, name, is_[name][w].item())
+        robot, reals, wholes = self._robot, self._reals.tolist(), self._wholes.tolist()
+        both = range(2)
+        for w, wheel in zip(both, robot.wheels, strict=True):
+            for name in _WHOLE_WHEEL:
+                setattr(wheel, name, wholes[_PLACE[name] + w])
+            for name in _REAL_WHEEL:
+                setattr(wheel, name, reals[_PLACE[name] + w])
             wheel.reached = bool(wheel.reached)
+            wheel.mode = _MODES[wholes[_PLACE["mode"] + w]]
+            profile = _PLACE["profile"] + 2 * w
+            wheel.profile = Profile(wholes[profile], wholes[profile + 1])
         chassis = robot.chassis
         pushing = chassis.pushing
         for name in ("x", "y", "heading", "free_way"):
-            setattr(chassis, name, is_[name])
-        chassis.contact = bool(is_["contact"])
-        chassis.ground_speed = tuple(is_["ground_speed"].tolist())
-        chassis.sliding = Motion(*is_["motion"].tolist()) if is_["sliding"] else None
-        pushing.tyres = tuple(is_["tyres"].tolist())
-        pushing.walls = [(press, drag) for press, drag in self.walls[: is_["walls"]].tolist()]
-        pushing.pressing, pushing.slipping = bool(is_["pressing"]), bool(is_["slipping"])
-        robot.touched = bool(is_["touched"])
-        if is_["ticks"] // SCAN_TICKS != robot.ticks // SCAN_TICKS:
+            setattr(chassis, name, reals[_PLACE[name]])
+        chassis.contact = bool(wholes[_PLACE["contact"]])
+        chassis.ground_speed = _several(reals, "ground_speed", 2)
+        sliding = wholes[_PLACE["sliding"]]
+        chassis.sliding = Motion(*_several(reals, "motion", 3)) if sliding else None
+        pushing.tyres = _several(reals, "tyres", 4)
+        pushed = wholes[_PLACE["walls"]]
+        pushing.walls = [(press, drag) for press, drag in self.walls[:pushed].tolist()]
+        pushing.pressing = bool(wholes[_PLACE["pressing"]])
+        pushing.slipping = bool(wholes[_PLACE["slipping"]])
+        robot.touched = bool(wholes[_PLACE["touched"]])
+        ticks = wholes[_PLACE["ticks"]]
+        if ticks // SCAN_TICKS != robot.ticks // SCAN_TICKS:
             robot.scans.clear()
-        robot.ticks, robot.heard_at = is_["ticks"], is_["heard"]
-        robot.scan_pose = tuple(is_["scan"].tolist())
-        if is_["scanned"]:
-            robot.scans[_PROXIMITY] = tuple(is_["counts"].tolist())
-        robot.slips.skip(is_["slips"])
-        robot.infrared.noise.skip(is_["noises"])
+        robot.ticks, robot.heard_at = ticks, wholes[_PLACE["heard"]]
+        robot.scan_pose = _several(reals, "scan", 3)
+        if wholes[_PLACE["scanned"]]:
+            robot.scans[_PROXIMITY] = self.counts
+        robot.slips.skip(wholes[_PLACE["slips"]])
+        robot.infrared.noise.skip(wholes[_PLACE["noises"]])
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """The proximity scan that was read last."""
+        return tuple(self._views["counts"].tolist())
+
+
+def _several(numbers: list[float], name: str, count: int) -> Any:
+    """Return the numbers of a field that has several."""
+    return tuple(numbers[_PLACE[name] : _PLACE[name] + count])
 
 
 def _model(robot: Robot) -> Records:

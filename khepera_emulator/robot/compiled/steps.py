@@ -8,6 +8,7 @@ from typing import Any
 
 from khepera_protocol.system.compiled import compiled
 
+from khepera_emulator.robot.compiled.arcs import drive_arc
 from khepera_emulator.robot.compiled.driving import run
 from khepera_emulator.robot.compiled.layout import Stage
 from khepera_emulator.robot.compiled.sensing import proximity
@@ -15,12 +16,10 @@ from khepera_emulator.robot.compiled.talking import (
     ask_counters,
     ask_sensors,
     hold_speed,
-    set_profiles,
     set_speeds,
-    set_targets,
     zero_counters,
 )
-from khepera_emulator.robot.compiled.watching import SEEN, front, watch
+from khepera_emulator.robot.compiled.watching import front, watch
 
 
 @compiled
@@ -84,17 +83,20 @@ def drive_arcs(
             target = tally.targets[i]
             for w in range(2):
                 target[w] += arcs.ways[k, w]
-            set_profiles(robot, mine, slip, arcs.profiles[k], line, stage)
-            set_targets(robot, mine, slip, target[0], target[1], line, stage)
-            start = robot.now
-            end, _, _, _ = watch(
-                robot, mine, slip, noises[i], line, stage, limit, start, arcs.durations[k], patience
+            tally.collided[i], _, _ = drive_arc(
+                robot,
+                mine,
+                slip,
+                noises[i],
+                line,
+                stage,
+                arcs.profiles[k],
+                target,
+                tally.counters[i],
+                limit,
+                arcs.durations[k],
+                patience,
             )
-            reached = robot.told_reached[0] and robot.told_reached[1]
-            tally.collided[i] = end == SEEN or not reached
-            if tally.collided[i]:
-                set_speeds(robot, mine, slip, 0, 0, line, stage)
-            ask_counters(robot, mine, slip, tally.counters[i], line, stage)
             if tally.collided[i]:
                 target[:] = tally.counters[i]
 

@@ -7,18 +7,19 @@ client over a `khepera://` port.
 from math import copysign, floor
 from typing import Any
 
+import numpy as np
 from khepera_protocol.serial.units import CONTROL_PERIOD
 from khepera_protocol.system.compiled import part
 
 from khepera_emulator.robot.compiled.driving import run
-from khepera_emulator.robot.compiled.layout import POSITION, SPEED
+from khepera_emulator.robot.compiled.layout import LEFT, POSITION, RIGHT, SPEED
 from khepera_emulator.robot.compiled.sensing import proximity
 from khepera_emulator.robot.compiled.wheels import counter, wrap
 
-_LETTER = 2
+_LETTER: Any = np.int64(2)
 """Bytes of a request without arguments."""
 
-_REPLY = 3
+_REPLY: Any = np.int64(3)
 """Bytes of a reply without values."""
 
 _FULL_DUTY = 255.0
@@ -78,8 +79,8 @@ def set_speeds(
     """D: hold wheel speeds."""
     length = _LETTER + 2 + _width(left) + _width(right)
     due = _send(robot, walls, slips, length, line, stage)
-    hold_speed(robot, 0, left, stage)
-    hold_speed(robot, 1, right, stage)
+    hold_speed(robot, LEFT, left, stage)
+    hold_speed(robot, RIGHT, right, stage)
     _receive(robot, walls, slips, due, _REPLY, line, stage)
 
 
@@ -104,8 +105,8 @@ def set_targets(
     """C: go to counter values."""
     length = _LETTER + 2 + _width(left) + _width(right)
     due = _send(robot, walls, slips, length, line, stage)
-    _go_to(robot, 0, left)
-    _go_to(robot, 1, right)
+    _go_to(robot, LEFT, left)
+    _go_to(robot, RIGHT, right)
     _receive(robot, walls, slips, due, _REPLY, line, stage)
 
 

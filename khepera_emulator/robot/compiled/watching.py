@@ -8,7 +8,7 @@ from typing import Any
 
 from khepera_protocol.system.compiled import compiled, part
 
-from khepera_emulator.robot.compiled.layout import POSITION
+from khepera_emulator.robot.compiled.layout import MORE, POSITION, SEEN, TOLD
 from khepera_emulator.robot.compiled.talking import ask_controllers, ask_sensors
 
 _FRONT = 6
@@ -16,9 +16,6 @@ _FRONT = 6
 
 MOST_PERIODS = 16
 """Control periods that an exchange may take."""
-
-MORE, SEEN, TOLD = 0, 1, 2
-"""Ends of a watch: more numbers must be drawn; after a reply of the sensors, of the controllers."""
 
 
 @part
@@ -61,8 +58,8 @@ def watch(
         patience: seconds beyond the duration; less than 0: the controllers are not asked.
 
     Returns:
-        One of the ends above, the number of exchanges, seconds of the longest, and seconds from
-        the beginning to the last reply of the sensors.
+        The end (see `layout.MORE`), the number of exchanges, seconds of the longest, and seconds
+        from the beginning to the last reply of the sensors.
     """
     asked, longest = 0, 0.0
     while True:

@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from khepera_protocol.system.compiled import load
+from khepera_protocol.system.compiled import Kernel
 from numpy.typing import NDArray
 
 from khepera_emulator.world.rays import Array
 from khepera_emulator.world.solids import Box
 
-COMPILED: Final = "khepera_emulator.senses.renderers.columns"
-"""Module of the compiled form."""
+_LOOK: Final = Kernel("khepera_emulator.senses.renderers.columns:look_at_boxes", 1_000)
 
 _NEVER = 1e-200
 
@@ -50,40 +49,37 @@ class FirstSeen:
         self._offsets = (np.tile(centres, (2, 1)) * self._axes).sum(axis=1)[:, None]
         halves = [b.half_length for b in boxes] + [b.half_thickness for b in boxes]
         self._halves = np.array(halves)[:, None]
+        self._flat = self._offsets[:, 0], self._halves[:, 0]
         self._sunny = self._axes @ sun
         self._boxes = len(boxes)
         self._posts = np.array(posts, dtype=float).reshape(-1, 3)
         self._sun = sun
 
-    def look(self, x: float, y: float, rays: Array, *, compiled: bool = False) -> Seen:
+    def look(self, x: float, y: float, rays: Array) -> Seen:
         """Follow rays.
 
         Args:
             x: of the point that they come from, in metres.
             y: likewise.
             rays: unit vectors, shape (2, N).
-            compiled: whether to do it in the compiled form.
         """
         count = rays.shape[1]
         every = np.arange(count)
         seen = Seen(np.full(count, np.inf), np.zeros(count, np.intp), np.zeros(count))
         if self._boxes:
-            seen = self._look_at_boxes(x, y, rays, every, compiled)
+            seen = self._look_at_boxes(x, y, rays, every)
         if len(self._posts):
             other = self._look_at_posts(x, y, rays, every)
             nearer = other.distances < seen.distances
             seen = Seen(*(np.where(nearer, b, a) for a, b in zip(seen, other, strict=True)))
         return seen
 
-    def _look_at_boxes(
-        self, x: float, y: float, rays: Array, every: NDArray[np.intp], compiled: bool
-    ) -> Seen:
+    def _look_at_boxes(self, x: float, y: float, rays: Array, every: NDArray[np.intp]) -> Seen:
         n = self._boxes
         along, origins = self._axes @ rays, self._axes @ np.array([[x], [y]])
-        if compiled:
-            look = load(COMPILED).look_at_boxes
-            flat = (each[:, 0] for each in (origins, self._offsets, self._halves))
-            return Seen(*look(along, *flat, self._sunny))
+        arguments = along, origins[:, 0], *self._flat, self._sunny
+        if _LOOK.pays(*arguments):
+            return Seen(*_LOOK(*arguments))
         # a ray along a face never crosses it
         inverse = 1.0 / (along + _NEVER)
         middle = (self._offsets - origins) * inverse

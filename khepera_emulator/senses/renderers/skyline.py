@@ -11,12 +11,12 @@ from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
-from khepera_protocol.system.compiled import PlainRuns, load
+from khepera_protocol.system.compiled import Kernel
 from khepera_protocol.zenoh.payloads import Pose
 from numpy.typing import NDArray
 
 from khepera_emulator.arenas.arena import Arena
-from khepera_emulator.senses.renderers.first_seen import COMPILED, FirstSeen
+from khepera_emulator.senses.renderers.first_seen import FirstSeen
 from khepera_emulator.senses.renderers.view import (
     AMBIENT,
     DIFFUSE,
@@ -29,7 +29,7 @@ from khepera_emulator.senses.renderers.view import (
 from khepera_emulator.world.floor_plan import FloorPlan
 from khepera_emulator.world.rays import Array
 
-_RUNS: Final = PlainRuns(1_000)
+_PAINT: Final = Kernel("khepera_emulator.senses.renderers.columns:paint", 1_000)
 
 _COLUMNS = 256
 """Columns of the atlas, all around: 1.4 degrees each."""
@@ -101,15 +101,15 @@ class Skyline:
         """Return the atlas: from behind over left, ahead and right to behind again."""
         azimuth = self._bearings + pose.heading
         rays = np.stack([np.cos(azimuth), np.sin(azimuth)])
-        compiled = _RUNS.are_enough()
-        distances, solids, lit = self._solids.look(pose.x, pose.y, rays, compiled=compiled)
+        distances, solids, lit = self._solids.look(pose.x, pose.y, rays)
         shade = (AMBIENT + DIFFUSE * lit).astype(np.float32)
         colours = np.floor(self._colours[solids] * shade[:, None])
         # rows of the solid's upper edge and of its foot, with their fractions
         top, foot = self.row(self._rise, distances), self.row(self._fall, distances)
-        if compiled:
-            picture = np.empty((ROWS, _COLUMNS, 3), np.uint8)
-            load(COMPILED).paint(picture, top, foot, colours, self._floor, self._sky)
+        picture = np.empty((ROWS, _COLUMNS, 3), np.uint8)
+        arguments = picture, top, foot, colours, self._floor, self._sky
+        if _PAINT.pays(*arguments):
+            _PAINT(*arguments)
         else:
             picture = self._painted(top, foot, colours)
         return View(picture, rays, distances, top)

@@ -3,6 +3,9 @@
 Nothing here waits without a limit, whatever is at the other end.
 """
 
+import errno
+import glob
+import os
 from functools import cache, lru_cache
 from math import inf
 from pathlib import Path
@@ -38,6 +41,8 @@ _LONGEST_ON_THE_WIRE: Final = 3.0
 _WRITE_LIMIT: Final = 0.5
 
 _REMEMBERED: Final = 512
+_MOST_NAMES: Final = 8
+"""Ports of similar names that are told."""
 
 _SPOILER: Final = b"?"
 """Makes nonsense of a request whose end was lost: half a number must not be driven to."""
@@ -78,7 +83,21 @@ def open_port(address: str | PortAddress, baud: int = 9600) -> Any:
         # a robot in this process is there, or never will be; a ValueError is of the URL
         is_wrong = port.embedded or not isinstance(error, OSError)
         kind = WrongPortError if is_wrong else LinkError
-        raise kind(f"cannot open the serial port {url}: {error}") from None
+        raise kind(f"cannot open the serial port {url}: {_reason(url, error)}") from None
+
+
+def _reason(url: str, error: Exception) -> str:
+    """Return why a port cannot be opened, once: pySerial says it twice, in the words of Python."""
+    number = error.errno if isinstance(error, OSError) else None
+    if number == errno.EAGAIN:
+        return "another program has it, such as another controller"
+    if number == errno.ENOENT:
+        near = sorted(
+            path.name for path in Path(url).parent.glob(f"{glob.escape(Path(url).name)}-*")
+        )
+        there = f"; there are {', '.join(near[:_MOST_NAMES])}" if near else ""
+        return f"there is no such file{there}"
+    return os.strerror(number) if number else str(error)
 
 
 class Line(OpenLine):

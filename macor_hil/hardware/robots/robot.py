@@ -43,18 +43,36 @@ FRONT_SENSORS: Final = slice(0, 6)
 """Infrared sensors that face where a robot can drive to: all but the two at the back."""
 
 
-class Look(NamedTuple):
-    """A look at a robot on its way.
+class Arc(NamedTuple):
+    """A drive of both wheels to a target, and what ends it.
 
     Attributes:
-        proximity: the eight infrared sensors.
-        elapsed: seconds since it set out, when they were read.
-        wheels: left and right; None: they were not looked at.
+        profile: top speed and acceleration of the left wheel, then of the right one.
+        target: counter values of both wheels.
+        limit: counts of a sensor at the front from which on it is a collision.
+        duration: seconds after which it should be there; wheels are not looked at before.
+        patience: seconds beyond these for which that is waited for.
     """
 
+    profile: tuple[int, int, int, int]
+    target: tuple[int, int]
+    limit: int
+    duration: float
+    patience: float
+
+
+class Arrival(NamedTuple):
+    """Outcome of an arc.
+
+    Attributes:
+        collided: whether it was cut short, and the robot stopped.
+        proximity: the last infrared reading.
+        counters: of both wheels at the end.
+    """
+
+    collided: bool
     proximity: tuple[int, ...]
-    elapsed: float
-    wheels: tuple[WheelStatus, WheelStatus] | None
+    counters: tuple[int, int]
 
 
 class Robot(Protocol):
@@ -156,43 +174,20 @@ class Seeing(Protocol):
 
 @runtime_checkable
 class Followed(Protocol):
-    """A robot that may be in this process, where many looks are taken at once.
+    """A robot that may be in this process, where many exchanges are one.
 
-    Nobody could do anything between two of them, as time passes by looking alone.
+    Nobody could do anything between two of them, as time passes by them alone.
     """
 
-    def watch(self, limit: int, begin: float, seconds: float) -> tuple[int, ...]:
-        """Return the sensors when one at the front reads so much, or a time has passed.
+    def watch(self, limit: int, until: float) -> tuple[int, ...]:
+        """Return the sensors when one at the front reads so much, or a time has come.
 
         Args:
             limit: counts.
-            begin: on its clock.
-            seconds: after that.
+            until: on its clock.
         """
         ...
 
-    def follow(self, limit: int, begin: float, seconds: float, patience: float) -> Look:
-        """Look until a sensor at the front reads so much, it is there, or patience is over.
-
-        Args:
-            limit: counts.
-            begin: when it set out, on its clock.
-            seconds: after which it should be there; wheels are not looked at before.
-            patience: seconds beyond that.
-        """
+    def drive(self, arc: Arc) -> Arrival | None:
+        """Drive an arc to its end, or to a collision; None: that is left to whoever asks."""
         ...
-
-
-def looked(robot: Robot, limit: int, begin: float, seconds: float) -> Look:
-    """Look once: at the sensors, and at the wheels once a robot should be there.
-
-    Args:
-        robot: on its way.
-        limit: counts of a sensor at the front from which on wheels do not matter.
-        begin: when it set out, on its clock.
-        seconds: after which it should be there.
-    """
-    proximity = robot.proximity()
-    elapsed = robot.clock() - begin
-    seen = max(proximity[FRONT_SENSORS]) >= limit or elapsed < seconds
-    return Look(proximity, elapsed, None if seen else robot.status())

@@ -4,17 +4,16 @@ from typing import Annotated, Final
 
 import numpy as np
 from khepera_protocol.mirror import Mirror
-from khepera_protocol.system.compiled import PlainRuns, load
+from khepera_protocol.system.compiled import Kernel
 from pydantic import Field
 
 from macor_hil.arrays import Array, Image
 from macor_hil.mind.eyes.floor_profile import LOWEST, floor_profile, profile_of
 from macor_hil.mind.eyes.panorama import PanoramaEyes
-from macor_hil.mind.eyes.sights import CHANNELS, SECTORS, brightness, feet_of, sectors, sights
+from macor_hil.mind.eyes.sights import CHANNELS, SECTORS, sights
 from macor_hil.mind.eyes.unwrap import PanoramaSize
 
-_COMPILED: Final = "macor_hil.mind.eyes.panorama_scan"
-_RUNS: Final = PlainRuns(1_000)
+_SCAN: Final = Kernel("macor_hil.mind.eyes.panorama_scan:scan", 1_000)
 
 
 class FloorEyes(PanoramaEyes):
@@ -49,19 +48,13 @@ class FloorEyes(PanoramaEyes):
     def look(self, image: Image) -> Array:
         """Return the untuned features of a picture, the profile of its floor, and its sights."""
         panorama = self.unwrap(image)
-        if _RUNS.are_enough():
-            return self._scanned(panorama)
-        profile = floor_profile(panorama, self.mirror, self._contrast)
+        if _SCAN.pays(panorama, LOWEST, self._contrast):
+            means, edges, found = _SCAN(panorama, LOWEST, self._contrast)
+            profile = profile_of(edges, found, len(panorama), self.mirror)
+        else:
+            means = panorama.mean(axis=0)
+            profile = floor_profile(panorama, self.mirror, self._contrast)
         around = sights(panorama, self.mirror, profile)
-        return np.concatenate([self.fields.raw(panorama), profile, around.ravel()])
-
-    def _scanned(self, panorama: Image) -> Array:
-        """Return the same by the compiled form."""
-        compiled, (rows, columns, _) = load(_COMPILED), panorama.shape
-        means, edges, found = compiled.scan(panorama, LOWEST, self._contrast)
-        profile = profile_of(edges, found, rows, self.mirror)
-        grey, feet = brightness(panorama), feet_of(profile, rows, self.mirror)
-        around = compiled.sights(panorama, grey, feet, sectors(columns))
         return np.concatenate([self.fields.raw_of(means), profile, around.ravel()])
 
     def tuned(self, raw: Array) -> Array:

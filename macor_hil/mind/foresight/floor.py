@@ -4,7 +4,7 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from khepera_protocol.system.compiled import PlainRuns, load
+from khepera_protocol.system.compiled import Kernel
 
 from macor_hil.arrays import Array, Mask
 from macor_hil.mind.eyes.floor_profile import azimuths
@@ -15,9 +15,8 @@ _JUMP: Final = 0.05
 _GAP: Final = 1.5
 """Heights: what is nearer to each other than that leaves no way for the robot."""
 
-_COMPILED: Final = "macor_hil.mind.foresight.compiled_floor"
-_SOLIDS: Final = PlainRuns(4_000)
-_CLEARANCES: Final = PlainRuns(4_000)
+_SOLIDS: Final = Kernel("macor_hil.mind.foresight.compiled_floor:solids", 4_000)
+_CLEARANCE: Final = Kernel("macor_hil.mind.foresight.compiled_floor:clearance", 4_000)
 
 
 @lru_cache(maxsize=8)
@@ -42,10 +41,9 @@ def joined(profile: Array, line: Array) -> Mask:
 
 def solids(profile: Array) -> tuple[Array, Array]:
     """Return the beginnings and the ends of straight solid pieces, both of shape (n, 2)."""
-    if _SOLIDS.are_enough():
-        pieces: tuple[Array, Array] = load(_COMPILED).solids(
-            profile, *_units(len(profile)), _JUMP, _GAP
-        )
+    arguments = profile, *_units(len(profile)), _JUMP, _GAP
+    if _SOLIDS.pays(*arguments):
+        pieces: tuple[Array, Array] = _SOLIDS(*arguments)
         return pieces
     line = line_of(profile)
     solid = joined(profile, line)
@@ -58,11 +56,12 @@ def clearance(solid: tuple[Array, Array], places: Array) -> Array:
     if not len(begin):
         return np.full(len(places), np.inf)
     along = end - begin
-    if _CLEARANCES.are_enough():
-        found: Array = load(_COMPILED).clearance(begin, end, places, places @ along.T)
+    products = places @ along.T
+    if _CLEARANCE.pays(begin, end, places, products):
+        found: Array = _CLEARANCE(begin, end, places, products)
         return found
     length = np.maximum((along * along).sum(axis=1), 1e-9)
-    share = (places @ along.T - (begin * along).sum(axis=1)) / length
+    share = (products - (begin * along).sum(axis=1)) / length
     share = np.clip(share, 0.0, 1.0)
     x = places[:, :1] - (begin[:, 0] + share * along[:, 0])
     y = places[:, 1:] - (begin[:, 1] + share * along[:, 1])

@@ -24,6 +24,9 @@ LOOPBACK: Final = frozenset({"127.0.0.1", "localhost", "[::1]"})
 """Names of this machine for itself."""
 
 LOGIN: Final = "/login"
+WRONG: Final = "wrong"
+"""Name in the query of the page that asks again."""
+
 _OPEN: Final = frozenset({LOGIN, "/page.css", "/icon.svg"})
 """Paths that are served before the password is known."""
 
@@ -129,7 +132,7 @@ class Access:
                 self._tried.clear()
                 await _answer(send, 303, b"", [(b"location", b"/"), self._new_cookie(now)])
             else:
-                await _answer(send, 303, b"", [(b"location", f"{LOGIN}?wrong".encode())])
+                await _answer(send, 303, b"", [(b"location", f"{LOGIN}?{WRONG}=1".encode())])
 
     def _new_cookie(self, now: float) -> tuple[bytes, bytes]:
         self._sessions = {token: end for token, end in self._sessions.items() if now < end}

@@ -20,7 +20,7 @@ from starlette.websockets import WebSocket
 from macor_hil.errors import MacorError
 from macor_hil.mind.catalogue import PLANNERS
 from macor_hil.mind.planners.destinations import NAMES as GOALS
-from macor_hil.monitor.dashboard.access import LOGIN, LOOPBACK, Access
+from macor_hil.monitor.dashboard.access import LOGIN, LOOPBACK, WRONG, Access
 from macor_hil.monitor.dashboard.connection import LONGEST, PERIOD, Steer, serve
 from macor_hil.monitor.dashboard.failures import Failures
 from macor_hil.monitor.dashboard.sources import View
@@ -142,9 +142,13 @@ def application(
         text = text.replace("{choices}", json.dumps(_choices()).replace("<", "\\u003c"))
         return Response(text, media_type="text/html")
 
+    async def login(request: Request) -> Response:
+        wrong = "" if WRONG in request.query_params else "hidden"
+        return Response(_file("login.html").replace("{wrong}", wrong), media_type="text/html")
+
     routes = [
         Route("/", index),
-        Route(LOGIN, _sent("login.html", "text/html")),
+        Route(LOGIN, login),
         Route("/page.css", _sent("page.css", "text/css")),
         Route("/page.js", _sent("page.js", "text/javascript")),
         Route("/drawing.js", _sent("drawing.js", "text/javascript")),

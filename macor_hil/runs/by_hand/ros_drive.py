@@ -129,9 +129,8 @@ class _DrivenRobot:
             RobotError: the robot does not answer.
         """
         proximity = self._rolling.look()
-        self._drive()
-        told = Reading(proximity=proximity, counters=self._robot.counters())
-        self._rolling.watch()
+        self._hear()
+        told = Reading(proximity=proximity, counters=self._rolling.roll())
         if (now := time.monotonic()) - self._asked_battery > _BATTERY:
             self._asked_battery = now
             told = told._replace(battery=self._robot.battery())
@@ -139,7 +138,7 @@ class _DrivenRobot:
         while self._bridge.forward(0.0) and time.monotonic() - now < _A_MOMENT:
             pass
 
-    def _drive(self) -> None:
+    def _hear(self) -> None:
         twist = self._twists.latest()
         if self._controllers.there:
             self._rolling.stop()

@@ -27,6 +27,7 @@ from macor_hil.hardware.standstill import standing_on_failure
 from macor_hil.runs.by_hand.drive import Drive
 from macor_hil.runs.by_hand.keyboard import Keyboard
 from macor_hil.runs.by_hand.options import TeleopOptions
+from macor_hil.runs.by_hand.rolling import ALONE
 from macor_hil.runs.by_hand.teller import Teller
 from macor_hil.safety.claim import claim
 from macor_hil.safety.interruption import Interruption, signals_taken_over
@@ -100,6 +101,7 @@ def teleop(options: TeleopOptions, terminal: int, say: Callable[[str], None]) ->
                         hardware.robot,
                         settings,
                         all_of(interruption.check, watch.guard, publisher.check, keyboard.guard),
+                        alone=ALONE,
                     ),
                     hardware.robot,
                     PublishingCamera(camera, publisher.frame),

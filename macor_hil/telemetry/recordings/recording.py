@@ -154,8 +154,10 @@ class Recorder:
         return RecordingError(f"cannot record to {self._path}: {error.strerror}")
 
 
-def play_recording(path: Path, begin: float = 0.0) -> tuple[str, Iterator[Event]]:
-    """Read a recording while it is used, as far as it goes; what is left out is told.
+def play_recording(
+    path: Path, begin: float = 0.0, *, tell: bool = True
+) -> tuple[str, Iterator[Event]]:
+    """Read a recording while it is used, as far as it goes.
 
     One that is begun later begins with the latest event of each kind before that: what was so then.
     It is found by the index at the end of the file; without one, the file is read to there.
@@ -163,6 +165,7 @@ def play_recording(path: Path, begin: float = 0.0) -> tuple[str, Iterator[Event]
     Args:
         path: the file.
         begin: seconds after its first message at which to begin.
+        tell: whether a warning says what is left out.
 
     Returns:
         The robot's name, and its events in their order.
@@ -170,12 +173,27 @@ def play_recording(path: Path, begin: float = 0.0) -> tuple[str, Iterator[Event]
     Raises:
         RecordingError: there is no such file, or nothing of a robot in it.
     """
-    events = _events(path, begin)
+    events = _events(path, begin, tell=tell)
     first = next(events, None)
     if first is None:
         raise RecordingError(f"{path} is no recording of a robot: no sample of one is in it")
     robot, event = first
     return robot, chain([event], (event for name, event in events if name == robot))
+
+
+def has_index(path: Path) -> bool:
+    """Return True if a recording can be played from its middle without reading what is before.
+
+    Raises:
+        RecordingError: there is no such file.
+    """
+    try:
+        with open_regular(path) as file:
+            return read_index(file) is not None
+    except InputError as error:
+        raise RecordingError(f"cannot read {path}: {error}") from None
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror}") from None
 
 
 def read_recording(path: Path, most: int = _MOST_MEMORY) -> tuple[str, list[Event]]:
@@ -219,7 +237,7 @@ class _LeftOut:
             _log.warning("%s: left out %s%s", path, self._first, more)
 
 
-def _events(path: Path, begin: float = 0.0) -> Iterator[tuple[str, Event]]:
+def _events(path: Path, begin: float, *, tell: bool) -> Iterator[tuple[str, Event]]:
     """Read the events from a time on, with the names of their robots.
 
     Raises:
@@ -250,7 +268,8 @@ def _events(path: Path, begin: float = 0.0) -> Iterator[tuple[str, Event]]:
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror}") from None
     finally:
-        left_out.tell(path)
+        if tell:
+            left_out.tell(path)
 
 
 def _messages(file: BinaryIO, begin: int) -> Iterator[Message | Damage]:

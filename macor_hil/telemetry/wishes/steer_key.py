@@ -1,7 +1,8 @@
 """The steer key `macor/<robot>/steer`: pauses a run that allows it, or changes planner and goal.
 
-Wishes come in a thread of Zenoh and wait until the command that is driven has ended. The robot
-stands between two commands, so a pause needs no stop, and a new planner begins with a new look.
+Wishes come in a thread of Zenoh. A pause stops the robot at once: the command that is driven is cut
+short, and counts for nothing. A new course waits until that command has ended, and begins with a
+new look.
 """
 
 import threading
@@ -21,6 +22,10 @@ _LONGEST: Final = 1_000
 
 _LOOK: Final = 0.05
 """Seconds between two looks for a signal during a pause."""
+
+
+class PausedError(Exception):
+    """The robot is to stand, in the middle of a command."""
 
 
 class Helm:
@@ -57,12 +62,21 @@ class Helm:
         with self._changed:
             if wish.pause is not None:
                 self._paused = wish.pause
-                done.append("pausing after this command" if wish.pause else "going on")
+                done.append("pausing" if wish.pause else "going on")
             if wish.planner is not None or wish.goal is not None:
                 self._course = wish
                 done.append("a new course after this command")
             self._changed.notify_all()
         return ", ".join(done) or "nothing to do"
+
+    def guard(self) -> None:
+        """See that a robot may drive on.
+
+        Raises:
+            PausedError: it is to stand.
+        """
+        if self._paused:
+            raise PausedError
 
     def hold(self, check: Callable[[], None]) -> None:
         """Wait for the end of a pause; `check` is called again and again, and may raise."""

@@ -6,12 +6,16 @@ enough to do: Numba takes most of a second to import. Machine code is kept besid
 where Numba finds room, see NUMBA_CACHE_DIR) and made anew when the source changes.
 
 The variable KHEPERA_COMPILED decides for a process: `never`, `always`, or `auto`, which waits until
-the plain form has taken longer than loading does.
+the plain form has taken longer than loading does. Machine code that is not there yet is then made
+by another process, and the plain form runs on until it is there; with `always` it is waited for.
 """
 
 import os
+import pickle
+import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -21,10 +25,14 @@ from typing import Any, Final, TypeVar
 
 NEVER: Final = "never"
 ALWAYS: Final = "always"
+AUTO: Final = "auto"
 
 VARIABLE: Final = "KHEPERA_COMPILED"
 
 _LITTLE: Final = 8
+
+_POLITE: Final = 10
+"""By which making machine code is less urgent than what runs meanwhile."""
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -35,26 +43,85 @@ def is_installed() -> bool:
     return find_spec("numba") is not None
 
 
-class PlainRuns:
-    """Count of a process's runs of a plain form, after some of which the compiled one is loaded.
+class Kernel:
+    """A compiled function, which runs instead of its plain form where that pays.
+
+    Where its machine code is not kept yet, it takes longer to make than most programs run the plain
+    form for: another process makes it meanwhile.
 
     Args:
-        most: runs that take about as long as importing Numba does.
+        place: as `module:function`.
+        most: runs of the plain form that take about as long as importing Numba does.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, place: str, most: int) -> None:
+        self._module, _, self._name = place.partition(":")
         self._most = most
-        self._done = 0
+        self._plain_runs = 0
+        self._function: Any = None
+        self._maker: subprocess.Popen[bytes] | None = None
+        self._made = False
 
-    def are_enough(self) -> bool:
-        """Count one more; tell whether the compiled form is to be used for it instead."""
+    def pays(self, *arguments: Any) -> bool:
+        """Tell whether to call it with such arguments; if not, the plain form is to be run."""
+        return self.is_due() and self.is_made(*arguments)
+
+    def is_due(self) -> bool:
+        """Count one more run; tell whether the plain form has been run often enough."""
         choice = os.environ.get(VARIABLE)
         if choice == NEVER:
             return False
-        self._done += 1
+        self._plain_runs += 1
         # where Numba is there already, little is left to load
         most = self._most // _LITTLE if "numba" in sys.modules else self._most
-        return (choice == ALWAYS or self._done > most) and is_installed()
+        return (choice == ALWAYS or self._plain_runs > most) and is_installed()
+
+    def is_made(self, *arguments: Any) -> bool:
+        """Tell whether there is machine code for such arguments, which is made meanwhile."""
+        if os.environ.get(VARIABLE) == ALWAYS:
+            return True
+        if not self._made:
+            if self._maker is None and not self._is_kept():
+                with suppress(OSError):  # no process is to be had: it is made here
+                    self._maker = _start_maker(self._module, self._name, arguments)
+            self._made = self._maker is None or self._maker.poll() is not None
+        return self._made
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it."""
+        if self._function is None:
+            self._function = getattr(load(self._module), self._name)
+        return self._function(*arguments)
+
+    def _is_kept(self) -> bool:
+        """Tell whether machine code is kept from before."""
+        self._function = getattr(load(self._module), self._name)
+        kept = Path(self._function.stats.cache_path)
+        return any(kept.glob(f"{self._module.rpartition('.')[2]}.{self._name}-*.nbi"))
+
+
+def _start_maker(module: str, name: str, arguments: tuple[Any, ...]) -> subprocess.Popen[bytes]:
+    """Let a process of its own call a compiled function, which keeps the machine code."""
+    maker = subprocess.Popen(
+        [sys.executable, "-P", "-c", f"from {__name__} import make; make()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+    assert maker.stdin is not None
+    with suppress(BrokenPipeError), maker.stdin as pipe:
+        pipe.write(pickle.dumps((module, name, arguments)))
+    return maker
+
+
+def make() -> None:
+    """Call the function that standard input names, with the arguments from there."""
+    if hasattr(os, "nice"):
+        os.nice(_POLITE)
+    module, name, arguments = pickle.load(sys.stdin.buffer)  # of the process that it was started by
+    getattr(load(module), name)(*arguments)
 
 
 _OPTIONS: Final[dict[str, Any]] = {

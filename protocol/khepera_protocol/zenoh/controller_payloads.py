@@ -164,9 +164,7 @@ class State(Payload):
 class Steer(Payload):
     """A wish to those who drive: only what is given changes."""
 
-    pause: bool | None = Field(
-        default=None, description="true: stand after this command; false: go on"
-    )
+    pause: bool | None = Field(default=None, description="true: stand, at once; false: go on")
     planner: Name | None = Field(default=None, description="plan by another one from now on")
     goal: Name | None = Field(default=None, description="drive there; with the planner goal")
 

@@ -55,7 +55,7 @@ export function prepareSteering({ planners, goals }, wish) {
   }
 
   at("steering").append(
-    group("Run", button("Pause", () => wish({ do: "pause" }), "after this command"), button("Go on", () => wish({ do: "resume" })),
+    group("Run", button("Pause", () => wish({ do: "pause" }), "at once"), button("Go on", () => wish({ do: "resume" })),
       button("Stop", () => wish({ do: "stop" }), "ends the run")),
     group("Plan by", planner, button("Use planner", () => wish({ do: "planner", name: planner.value })),
       goal, button("Drive to goal", () => wish({ do: "goal", name: goal.value }))),
