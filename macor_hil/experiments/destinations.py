@@ -229,9 +229,8 @@ def _driven(
     outline = track.outline()
     points = points_of(target.arena, outline, target.colour)
     ways, lenient = (track.ways(points, target.reach + more) for more in (0.0, _LENIENT))
-    starts, hopeless = _starts(settings, seed, track, ways)
-
     goal = destination(target.goal)
+    starts, hopeless = _starts(settings, seed, track, ways, along=goal.along)
 
     def drive(system: System, count: int) -> list[Result]:
         return [
@@ -254,8 +253,13 @@ def _driven(
     }
 
 
-def _starts(settings: Settings, seed: int, track: Track, ways: Ways) -> tuple[list[Start], int]:
-    """Return starts from which there is a way, and how many of those drawn had none."""
+def _starts(
+    settings: Settings, seed: int, track: Track, ways: Ways, *, along: bool
+) -> tuple[list[Start], int]:
+    """Return starts from which there is a way, and how many of those drawn had none.
+
+    From those of a goal that is to be kept to, no trial need end in a collision, either.
+    """
     starts: list[Start] = []
     hopeless = 0
     rng = np.random.default_rng([seed, 4])
@@ -264,11 +268,17 @@ def _starts(settings: Settings, seed: int, track: Track, ways: Ways) -> tuple[li
             break
         pose = track.free_place(chance)
         shortest = ways.shortest(pose, _FARTHEST)
-        if shortest is None:
+        if shortest is None or (along and not track.is_possible(pose, _most(settings, shortest))):
             hopeless += 1
         elif shortest:
             starts.append(Start(pose, shortest))
     return starts, hopeless
+
+
+def _most(settings: Settings, shortest: int) -> int:
+    """Return the commands of a trial."""
+    times, more = settings.slack
+    return round(times * shortest) + more
 
 
 def _trial(
@@ -281,8 +291,7 @@ def _trial(
     *,
     along: bool,
 ) -> Result:
-    times, more = settings.slack
-    most = round(times * start.shortest) + more
+    most = _most(settings, start.shortest)
     driven = track.drive_from(system, start.pose, most, np.random.default_rng(list(chance)))
     inside, near = (one.inside(driven.path) for one in ways)
     first = inside.index(True) if any(inside) else None
@@ -373,7 +382,9 @@ def tell(settings: Settings, results: Results) -> list[Element]:
         Text(
             f"{len(results)} training seeds, each another robot;"
             f" {settings.drive.random:,} random commands of training in place; {settings.starts}"
-            " starts for each goal, anywhere in the arena's free strip, from which there is a way."
+            " starts for each goal, anywhere in the arena's free strip, from which there is a way;"
+            " for goals that are kept to, also one on which no command of a trial ends in a"
+            " collision."
             f" A trial ends at the goal, with a collision, or after {settings.slack[0]:g} times"
             f" the commands of the shortest way and {settings.slack[1]} more. The way counts to the"
             " first place at which the goal is near; the target is"

@@ -103,6 +103,14 @@ class Track:
         tell = judge(self._bench, self._course.commands)
         return [tell(one.path[0]) for one in trials]
 
+    def is_possible(self, start: Pose, commands: int) -> bool:
+        """Tell whether so many commands can be driven from a start without a collision.
+
+        Raises:
+            BenchError: the emulator does not answer.
+        """
+        return judge(self._bench, commands)(start).everything
+
     def free_place(self, chance: int) -> Pose:
         """Put the robot down at a free place anywhere in the arena, and return it.
 

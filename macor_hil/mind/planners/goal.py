@@ -8,6 +8,8 @@ sequence of a few commands over the floor that it sees now, and adds the worth o
     V(pose) = max over a of p (R + g V(pose after a)),
 
 with p the chance to get through, R the reward of the place reached, and g what a command costs.
+Where a goal is to be kept to, every command without a collision has a share of its reward: without
+that, the nearest way along it is the best, even into a dead end.
 Where the robot is in no place of the chart, or no way is known, foresight drives it on.
 """
 
@@ -31,6 +33,9 @@ from macor_hil.mind.planners.planner import NO_PLAN, Aim, Plan, best_command
 
 _AHEAD: Final = 5
 """Commands of the sequences that are followed over the floor in view."""
+
+_ALIVE: Final = 0.5
+"""Reward of a command without a collision, as a share of that of a goal that is kept to."""
 
 _HOPELESS: Final = 1e-3
 """Worth of a pose from which no way is known."""
@@ -75,6 +80,8 @@ class Goal:
         known = atlas.chart.known
         seen = self.destination.reached(memory.profiles[known], memory.sights[known])
         reward = atlas.ground.reward(atlas.chart.poses[known], seen)
+        if self.destination.along:
+            reward = _ALIVE + (1 - _ALIVE) * reward
         self._worth = worth_of(
             atlas.ground,
             reward,
