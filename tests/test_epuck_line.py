@@ -111,6 +111,17 @@ def test_more_than_the_ring_holds_is_lost_while_it_calibrates() -> None:
         assert port.emulator.uart.lost == 36
 
 
+@pytest.mark.parametrize(
+    ("model", "profile"), [("epuck", "gctronic"), ("epuck", "btcom"), ("epuck2", "")]
+)
+def test_all_pictures_that_a_row_asks_for_come(model: str, profile: str) -> None:
+    url = f"khepera://corridor?model={model}&profile={profile}"
+    with open_robot(url, baudrate=115_200, timeout=3.0) as port:
+        picture = codes.PICTURE_HEAD + port.emulator.robot.panel.picture.size
+        port.write(codes.row(*["I"] * 5))
+        assert len(port.read(6 * picture)) == 5 * picture
+
+
 def test_a_pause_between_bytes_does_no_harm() -> None:
     with open_robot("khepera://open-box?model=epuck2", baudrate=115_200, timeout=1.0) as port:
         for byte in b"P,5,6\r" + codes.row("Q"):

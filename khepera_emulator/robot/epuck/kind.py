@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 _BUSY: Final = on_grid(50e-6)
 """Seconds between a request and its reply (a choice): the firmware waits for bytes in a loop."""
 
-_SEND_LIMIT: Final = 8192
-"""Bytes of replies: a picture and more."""
+_SEND_LIMIT: Final = 1 << 16
+"""Bytes of replies: those of a row come as one, with every picture that it asks for."""
 
 _RECEIVE_LIMIT: Final = 64
 """Bytes of the firmware's ring."""

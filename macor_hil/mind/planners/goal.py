@@ -34,7 +34,7 @@ from macor_hil.mind.planners.planner import NO_PLAN, Aim, Plan, best_command
 _AHEAD: Final = 5
 """Commands of the sequences that are followed over the floor in view."""
 
-_ALIVE: Final = 0.5
+_ALIVE: Final = 0.2
 """Reward of a command without a collision, as a share of that of a goal that is kept to."""
 
 _HOPELESS: Final = 1e-3
