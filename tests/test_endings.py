@@ -174,11 +174,13 @@ def test_a_collision_has_a_status_of_its_own(map_file: Path, tmp_path: Path) -> 
 
 
 IMPORTING = """
-import signal, sys
+import signal, sys, weakref
+def come(*_):
+    signal.raise_signal({number})
 class Interrupt:
     def find_spec(self, name, *rest):
         if name == "numpy":
-            signal.raise_signal({number})
+            {happens}
 sys.meta_path.insert(0, Interrupt())
 sys.argv = ["macor-hil", "keys"]
 from macor_hil.cli import main
@@ -186,11 +188,14 @@ main()
 """
 
 
+@pytest.mark.parametrize(
+    "happens", ["come()", "gone = Interrupt(); seen = weakref.ref(gone, come); del gone"]
+)
 @pytest.mark.parametrize(("number", "status"), ENDS)
 def test_a_signal_while_the_program_is_being_imported_is_no_traceback(
-    number: signal.Signals, status: int
+    number: signal.Signals, status: int, happens: str
 ) -> None:
-    code = IMPORTING.format(number=int(number))
+    code = IMPORTING.format(number=int(number), happens=happens)
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE, check=False
     )

@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import typer
 from khepera_protocol.system.program_parts import Described, Parts
@@ -14,7 +14,11 @@ from khepera_protocol.version import VersionOption
 
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
 from macor_hil.errors import MacorError, NotStoppedError, is_lost
-from macor_hil.safety.interruption import Interruption
+from macor_hil.safety.interruption import (
+    Interruption,
+    interruption_in_charge,
+    undisturbed,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -58,6 +62,17 @@ class _Program(Parts):
             *("classroom", "ros"),
         )
     )
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Import a command; a signal that comes meanwhile ends the program when that is done.
+
+        In the middle of it, it would be lost in a callback of the import.
+        """
+        with undisturbed():
+            found = super().get_command(ctx, cmd_name)
+        if interruption := interruption_in_charge():
+            interruption.check()
+        return found
 
 
 app = typer.Typer(
