@@ -4,6 +4,7 @@ Answers to a row have no mark of their own: their size follows from the row's co
 reply is known by the request before it.
 """
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -105,7 +106,38 @@ class _Asked:
         return total
 
 
-class SerialListener:
+class _ByteListener(ABC):
+    """Reads entries of a line's log as the bytes that they are."""
+
+    def take(self, entry: WireEntry) -> Iterator[Passed]:
+        """Yield what has come to its end by an entry."""
+        if entry.what not in (REQUEST, REPLY):
+            yield Passed(entry.what, printable(entry.text), entry.time)
+            return
+        if entry.text.endswith(_CUT):
+            self.lose()
+            yield Passed(entry.what, "(more bytes than are told)", entry.time)
+            return
+        data = entry.text.encode("latin-1", "replace")
+        if entry.what == REQUEST:
+            yield from self._requests(data, entry.time)
+        else:
+            yield from self._replies(data, entry.time)
+
+    @abstractmethod
+    def lose(self) -> None:
+        """Forget halves and open requests."""
+
+    @abstractmethod
+    def _requests(self, data: bytes, time: float) -> Iterator[Passed]:
+        """Yield requests that have come to their end by some bytes."""
+
+    @abstractmethod
+    def _replies(self, data: bytes, time: float) -> Iterator[Passed]:
+        """Yield replies that have come to their end by some bytes."""
+
+
+class SerialListener(_ByteListener):
     """Reads the line of an e-puck with a firmware; see `form.Listener`.
 
     Args:
@@ -126,21 +158,6 @@ class SerialListener:
         self._row: list[Command] = []
         self._waiting: deque[_Asked] = deque(maxlen=_WAITING)
         self._latest: _Asked | None = None
-
-    def take(self, entry: WireEntry) -> Iterator[Passed]:
-        """Yield what has come to its end by an entry."""
-        if entry.what not in (REQUEST, REPLY):
-            yield Passed(entry.what, printable(entry.text), entry.time)
-            return
-        if entry.text.endswith(_CUT):
-            self.lose()
-            yield Passed(entry.what, "(more bytes than are told)", entry.time)
-            return
-        data = entry.text.encode("latin-1", "replace")
-        if entry.what == REQUEST:
-            yield from self._requests(data, entry.time)
-        else:
-            yield from self._replies(data, entry.time)
 
     def _requests(self, data: bytes, time: float) -> Iterator[Passed]:
         sent = self._sent
@@ -341,7 +358,7 @@ class SerialListener:
         return tuple((name, self._lamps[name]) for name in names if name in self._lamps)
 
 
-class WifiListener:
+class WifiListener(_ByteListener):
     """Reads the packets of an e-puck2 on WiFi; see `form.Listener`."""
 
     def __init__(self) -> None:
@@ -356,27 +373,6 @@ class WifiListener:
         self._begun = b""
         self._waiting: deque[tuple[str, bool]] = deque(maxlen=_WAITING)
         self._latest = ""  # of which the sensors are still to come
-
-    def take(self, entry: WireEntry) -> Iterator[Passed]:
-        """Yield what has come to its end by an entry."""
-        if entry.what not in (REQUEST, REPLY):
-            yield Passed(entry.what, printable(entry.text), entry.time)
-            return
-        if entry.text.endswith(_CUT):
-            self.lose()
-            yield Passed(entry.what, "(more bytes than are told)", entry.time)
-            return
-        data = entry.text.encode("latin-1", "replace")
-        if entry.what == REQUEST:
-            yield from self._requests(data, entry.time)
-            return
-        try:
-            packets = self._reader.feed(data)
-        except PacketError:
-            self._reader = WifiReader()
-            return
-        for head, body in packets:
-            yield self._packet(head, body, entry.time)
 
     def _requests(self, data: bytes, time: float) -> Iterator[Passed]:
         sent = self._sent
@@ -394,6 +390,15 @@ class WifiListener:
                 yield Passed(
                     REQUEST, text, time, asks=True, drives=told.wanted is not None, reading=told
                 )
+
+    def _replies(self, data: bytes, time: float) -> Iterator[Passed]:
+        try:
+            packets = self._reader.feed(data)
+        except PacketError:
+            self._reader = WifiReader()
+            return
+        for head, body in packets:
+            yield self._packet(head, body, time)
 
     def _packet(self, head: int, body: bytes, time: float) -> Passed:
         text = shown(bytes([head]) + body)
