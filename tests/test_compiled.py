@@ -1,9 +1,11 @@
 """Compiled forms give what plain forms give, bit for bit."""
 
+import itertools
 import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from math import hypot
 from pathlib import Path
 from typing import Any
@@ -194,6 +196,20 @@ def test_a_process_loads_them_when_it_has_run_the_plain_forms_for_long(
     monkeypatch.setattr(compiled, "is_installed", lambda: False)
     monkeypatch.setenv(VARIABLE, ALWAYS)
     assert not kernel.is_due()
+
+
+def test_a_robot_in_real_time_is_not_halted_by_loading(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(compiled, "is_installed", lambda: True)
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    kernel = Kernel("some:function", 1_000)
+    for pause, halted in ((0.1, False), (0.001, True)):
+        clock = itertools.count(step=pause)
+        due = False
+        for now in itertools.islice(clock, 5_000):
+            monkeypatch.setattr(compiled, "monotonic", partial(float, now))
+            due |= kernel.is_due()
+        assert due == halted
 
 
 SUM = """

@@ -6,8 +6,9 @@ enough to do: Numba takes most of a second to import. Machine code is kept besid
 where Numba finds room, see NUMBA_CACHE_DIR) and made anew when the source changes.
 
 The variable KHEPERA_COMPILED decides for a process: `never`, `always`, or `auto`, which waits until
-the plain form has taken longer than loading does. Machine code that is not there yet is then made
-by another process, and the plain form runs on until it is there; with `always` it is waited for.
+the plain form has taken longer than loading does, in a short time: a robot in real time, which
+loading would halt, goes on with the plain form. Machine code that is not there yet is then made by
+another process, and the plain form runs on until it is there; with `always` it is waited for.
 """
 
 import os
@@ -20,6 +21,7 @@ from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from time import monotonic
 from types import ModuleType
 from typing import Any, Final, TypeVar
 
@@ -30,6 +32,9 @@ AUTO: Final = "auto"
 VARIABLE: Final = "KHEPERA_COMPILED"
 
 _LITTLE: Final = 8
+
+_BUSY: Final = 20.0
+"""Seconds within which the plain form must have taken as long as loading does."""
 
 _POLITE: Final = 10
 """By which making machine code is less urgent than what runs meanwhile."""
@@ -58,6 +63,8 @@ class Kernel:
         self._module, _, self._name = place.partition(":")
         self._most = most
         self._plain_runs = 0
+        self._since = 0.0
+        self._due = False
         self._function: Any = None
         self._maker: subprocess.Popen[bytes] | None = None
         self._made = False
@@ -67,14 +74,24 @@ class Kernel:
         return self.is_due() and self.is_made(*arguments)
 
     def is_due(self) -> bool:
-        """Count one more run; tell whether the plain form has been run often enough."""
+        """Count one more run; tell whether the plain form has been run often enough of late."""
         choice = os.environ.get(VARIABLE)
-        if choice == NEVER:
+        if choice == NEVER or not is_installed():
             return False
+        if choice != ALWAYS and not self._due:
+            self._count()
+        return choice == ALWAYS or self._due
+
+    def _count(self) -> None:
+        """Count one more run of the plain form; those of long ago do not count."""
+        if self._plain_runs == 0:
+            self._since = monotonic()
         self._plain_runs += 1
         # where Numba is there already, little is left to load
         most = self._most // _LITTLE if "numba" in sys.modules else self._most
-        return (choice == ALWAYS or self._plain_runs > most) and is_installed()
+        if self._plain_runs > most:
+            self._due = monotonic() - self._since < _BUSY
+            self._plain_runs = 0
 
     def is_made(self, *arguments: Any) -> bool:
         """Tell whether there is machine code for such arguments, which is made meanwhile."""
