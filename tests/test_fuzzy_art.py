@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from macor_hil.mind.clusterers.clusterer_error import situations
 from macor_hil.mind.clusterers.fuzzy_art import FuzzyArt
 
 inputs = st.lists(
@@ -83,3 +84,12 @@ def test_what_was_learned_is_never_lost(xs: np.ndarray) -> None:
         assert (x <= upper + 1e-12).all()
     # no box grows beyond what the vigilance allows: |w| >= rho M
     assert (art.weights.sum(axis=1) >= 0.8 * 3 - 1e-9).all()
+
+
+@given(inputs, st.floats(0.5, 0.99))
+def test_many_inputs_give_what_each_gives(xs: np.ndarray, vigilance: float) -> None:
+    art = FuzzyArt(xs.shape[1], 3, vigilance)
+    with pytest.raises(ValueError, match="can only learn"):
+        art.situations_of(xs)
+    situations(art, xs[: len(xs) // 2 + 1], learn=True)
+    assert art.situations_of(xs).tolist() == situations(art, xs, learn=False).tolist()

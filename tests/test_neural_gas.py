@@ -83,3 +83,14 @@ def test_the_error_is_the_distance_to_the_middle_of_the_node() -> None:
     assert clusterer_errors(art, inputs) == pytest.approx([0.1, 0.1])
     gas: Clusterer = gas_at([[0.2, 0.6], [0.9, 0.9]], Annealing(steps=10))
     assert clusterer_errors(gas, inputs[:1]) == pytest.approx([0.4])
+
+
+def test_many_inputs_give_what_each_gives() -> None:
+    xs = np.random.default_rng(5).random((200, 7))
+    each, many = (NeuralGas(7, 12, Annealing(radius=(3.0, 0.05), steps=200)) for _ in range(2))
+    for x in xs:
+        each.present(x)
+    many.learn_all(xs)
+    assert many.weights.tobytes() == each.weights.tobytes()
+    assert many.steps == each.steps
+    assert many.situations_of(xs).tolist() == situations(each, xs, learn=False).tolist()

@@ -4,14 +4,16 @@ Carpenter, Grossberg and Rosen (1991), in the paper's symbols: x features in [0,
 the complement-coded input, w_k weights of node k, ^ the element-wise minimum, |.| the sum.
 """
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 from pydantic import Field
 
-from macor_hil.arrays import Array, State
+from macor_hil.arrays import Array, Indices, State
 from macor_hil.mind.experience import Resonance
 from macor_hil.mind.stored import numbers
+
+_EMPTY: Final = "an empty network can only learn"
 
 
 class FuzzyArt:
@@ -75,7 +77,7 @@ class FuzzyArt:
         size = self.size
         if size == 0:
             if not learn:
-                raise ValueError("an empty network can only learn")
+                raise ValueError(_EMPTY)
             return self._add(coded)
         common = np.minimum(coded, self._weights[:size])
         overlap = common.sum(axis=1)  # |I ^ w_k|
@@ -94,6 +96,22 @@ class FuzzyArt:
         # no free node: the nearest box stands for the input and does not learn
         k = int((sums - overlap).argmin())
         return Resonance(k, False, float(overlap[k] / self.features))
+
+    def situations_of(self, inputs: Array) -> Indices:
+        """Return the node of each input of shape (T, M), shape (T,); nothing is learned.
+
+        Raises:
+            ValueError: nothing has been learned yet.
+        """
+        if self.size == 0:
+            raise ValueError(_EMPTY)
+        coded = np.concatenate([inputs, 1.0 - inputs], axis=1)
+        overlap = np.minimum(coded[:, None], self.weights).sum(axis=2)
+        sums = self._sums[: self.size]
+        passed = overlap >= self.vigilance * self.features
+        choice = np.where(passed, overlap / (self.alpha + sums), -1.0).argmax(axis=1)
+        nodes: Indices = np.where(passed.any(axis=1), choice, (sums - overlap).argmin(axis=1))
+        return nodes
 
     def distances(self, x: Array) -> Array:
         """Return an input's distance from each node's box, |w_k| - |I ^ w_k|, shape (size,)."""

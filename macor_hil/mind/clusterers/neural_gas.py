@@ -21,7 +21,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from macor_hil.arrays import Array, State
+from macor_hil.arrays import Array, Indices, State
 from macor_hil.mind.clusterers.clusterer_error import clusterer_errors
 from macor_hil.mind.experience import Resonance
 from macor_hil.mind.stored import MOST_COUNTED, numbers, whole
@@ -73,6 +73,7 @@ class NeuralGas:
         self.annealing = annealing
         self.steps = 0
         self._weights = np.random.default_rng(seed).random((nodes, features))
+        self._ranks = -np.arange(nodes)
 
     @property
     def size(self) -> int:
@@ -94,13 +95,23 @@ class NeuralGas:
             x: features, shape (M,), each in [0, 1].
             learn: adapt, and count a step of the annealing.
         """
-        apart = x - self._weights
-        distance = np.einsum("kf,kf->k", apart, apart)
+        apart, distance = self._distances(x)
         nearest = int(distance.argmin())
         match = 1.0 - float(np.abs(apart[nearest]).sum()) / self.features
         if learn:
             self._adapt(apart, distance)
         return Resonance(nearest, True, match)
+
+    def learn_all(self, inputs: Array) -> None:
+        """Adapt to inputs of shape (T, M) in their order, as `present` does."""
+        for x in inputs:
+            self._adapt(*self._distances(x))
+
+    def situations_of(self, inputs: Array) -> Indices:
+        """Return the nearest node of each input of shape (T, M), shape (T,); nothing is learned."""
+        apart = inputs[:, None] - self._weights
+        nodes: Indices = np.einsum("tkf,tkf->tk", apart, apart).argmin(axis=1)
+        return nodes
 
     def centres(self) -> Array:
         """Return the weights: a node is a point, shape (n, M)."""
@@ -120,12 +131,24 @@ class NeuralGas:
         (steps,) = whole(state, "steps", 0, MOST_COUNTED).tolist()
         self.steps = steps
 
+    def _distances(self, x: Array) -> tuple[Array, Array]:
+        """Return what separates an input from each node, shape (n, M), and its square, (n,)."""
+        apart = x - self._weights
+        return apart, np.einsum("kf,kf->k", apart, apart)
+
     def _adapt(self, apart: Array, distance: Array) -> None:
         epsilon, radius = self.annealing.at(self.steps)
         self.steps += 1
-        order = distance.argsort(kind="stable")[: int(_NEGLIGIBLE * radius) + 1]
-        strength = epsilon * np.exp(-np.arange(len(order)) / radius)
-        self._weights[order] += strength[:, None] * apart[order]
+        adapted = min(int(_NEGLIGIBLE * radius) + 1, self.size)
+        if adapted == 1:
+            nearest = distance.argmin()
+            self._weights[nearest] += epsilon * apart[nearest]
+            return
+        order = distance.argsort(kind="stable")[:adapted]
+        strength = np.zeros((self.size, 1))
+        strength[order, 0] = epsilon * np.exp(self._ranks[:adapted] / radius)
+        apart *= strength
+        self._weights += apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +178,7 @@ def trained(
     """Train a Neural Gas by so many presentations of inputs of shape (T, M)."""
     gas = NeuralGas(inputs.shape[1], nodes, annealing, seed)
     for _ in range(presentations):
-        for x in inputs:
-            gas.present(x)
+        gas.learn_all(inputs)
     return gas
 
 
