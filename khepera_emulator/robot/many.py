@@ -73,11 +73,14 @@ class Many:
         packed.take()
         self._new = packed.records[0].copy()
         self._robots = np.repeat(packed.records, size)
+        self._counts: Counts = self._robots["counts"]
         self._walls = np.zeros((size, len(self._stage.solids), 2))
         self._slips = np.zeros((size, 2 * SLIP_BLOCK, 2))
         self._noises = np.zeros((size, 2 * NOISE_BLOCK, 2, 8))
         self._blocks = np.array([SLIP_BLOCK, NOISE_BLOCK])
         self._room = np.zeros((size, 2), np.bool_)
+        drawn = self._robots, self._walls, self._slips, self._noises
+        self._whole = *drawn, *self._stage, self._blocks, self._room
         self._draws: dict[int, _Draws] = {}
         self._line = line_of(emulator.uart)
         self.tally = _tally(size)
@@ -106,8 +109,7 @@ class Many:
     @property
     def proximity(self) -> Counts:
         """The proximity sensors as they were last read, shape (N, 8)."""
-        counts: Counts = self._robots["counts"].copy()
-        return counts
+        return self._counts.copy()
 
     @property
     def times(self) -> Array:
@@ -183,15 +185,20 @@ class Many:
             speeds: of both wheels, counts / 10 ms, shape (N, 2).
             periods: of 10 ms, 128 at most.
         """
-        self._draw()
         if len(self._parts) == 1:
-            # in a step of one robot slices would cost as much as the robot
-            rest = self._walls, self._slips, self._noises, *self._stage, speeds, periods
-            self._kernel.pass_periods(self._robots, *rest)
+            # in a step of one robot a second call would cost as much as the robot
+            while self._kernel.pass_periods(*self._whole, speeds, periods):
+                self._draw_more()
             return
+        self._draw()
         self._over(
             lambda rows: self._kernel.pass_periods(
-                *self._drawn(rows), *self._stage, speeds[rows], periods
+                *self._drawn(rows),
+                *self._stage,
+                self._blocks,
+                self._room[rows],
+                speeds[rows],
+                periods,
             )
         )
 
@@ -221,10 +228,12 @@ class Many:
 
     def _draw(self) -> None:
         """Draw random numbers for robots that have few left."""
-        if not self._kernel.make_room(
-            self._robots, self._slips, self._noises, self._blocks, self._room
-        ):
-            return
+        drawn = self._robots, self._slips, self._noises
+        if self._kernel.make_room(*drawn, self._blocks, self._room):
+            self._draw_more()
+
+    def _draw_more(self) -> None:
+        """Draw random numbers for robots that have room for them."""
         few_slips, few_noises = self._room.T
         for number in np.flatnonzero(few_slips).tolist():
             self._slips[number, SLIP_BLOCK:] = slips(self._draws[number].slips)

@@ -141,43 +141,6 @@ def hold_speeds(
 
 
 @compiled
-def pass_periods(
-    robots: Any,
-    walls: Any,
-    slips: Any,
-    noises: Any,
-    model: Any,
-    curves: Any,
-    solids: Any,
-    speeds: Any,
-    periods: int,
-) -> None:
-    """Let each robot hold wheel speeds for control periods, then scan its sensors; no line.
-
-    Args:
-        robots: see `begin`.
-        walls: likewise.
-        slips: likewise.
-        noises: likewise.
-        model: part of the stage, see `layout.Stage`: arrays are handed over faster than tuples.
-        curves: likewise.
-        solids: likewise.
-        speeds: of both wheels, counts / 10 ms, shape (N, 2).
-        periods: how many.
-    """
-    stage = Stage(model, curves, solids)
-    for i in range(len(robots)):
-        robot = robots[i]
-        for w in range(2):
-            hold_speed(robot, w, speeds[i, w], stage)
-        run(robot, walls[i], slips[i], robot.ticks + periods, stage)
-        if not robot.scanned:
-            proximity(robot, noises[i, robot.noises], stage)
-            robot.noises += 1
-            robot.scanned = 1
-
-
-@compiled
 def make_room(robots: Any, slips: Any, noises: Any, blocks: Any, room: Any) -> bool:
     """Make room for a block of drawn numbers at the end, where less than that is left.
 
@@ -206,3 +169,52 @@ def make_room(robots: Any, slips: Any, noises: Any, blocks: Any, room: Any) -> b
                 noises[i, k - blocks[1]] = noises[i, k]
             robot.noises -= blocks[1]
     return anywhere
+
+
+@compiled
+def pass_periods(
+    robots: Any,
+    walls: Any,
+    slips: Any,
+    noises: Any,
+    model: Any,
+    curves: Any,
+    solids: Any,
+    blocks: Any,
+    room: Any,
+    speeds: Any,
+    periods: int,
+) -> bool:
+    """Let each robot hold wheel speeds for control periods, then scan its sensors; no line.
+
+    Nothing passes where numbers must be drawn before.
+
+    Args:
+        robots: see `begin`.
+        walls: likewise.
+        slips: likewise.
+        noises: likewise.
+        model: part of the stage, see `layout.Stage`: arrays are handed over faster than tuples.
+        curves: likewise.
+        solids: likewise.
+        blocks: see `make_room`.
+        room: likewise.
+        speeds: of both wheels, counts / 10 ms, shape (N, 2).
+        periods: how many.
+
+    Returns:
+        Whether numbers must be drawn before.
+    """
+    if make_room(robots, slips, noises, blocks, room):
+        return True
+    stage = Stage(model, curves, solids)
+    for i in range(len(robots)):
+        robot = robots[i]
+        for w in range(2):
+            hold_speed(robot, w, speeds[i, w], stage)
+        run(robot, walls[i], slips[i], robot.ticks + periods, stage)
+        if not robot.scanned:
+            proximity(robot, noises[i, robot.noises], stage)
+            robot.noises += 1
+            robot.scanned = 1
+    return False
