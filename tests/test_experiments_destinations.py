@@ -8,7 +8,7 @@ import pytest
 from made_once import made_once
 
 from macor_hil.experiments import catalogue
-from macor_hil.experiments.destinations import DESTINATIONS, MAZE, Settings, Target
+from macor_hil.experiments.destinations import DESTINATIONS, MAZE, OPEN, Settings, Target
 from macor_hil.experiments.drives.training_drive import Drive
 from macor_hil.experiments.sweep import changes
 from macor_hil.experiments.sweep.runner import reproduce
@@ -23,7 +23,7 @@ TINY = replace(
     settings=Settings(
         nodes=8,
         drive=Drive("open-box", tuning=15, random=1_500, brain=MindSettings(nodes=8)),
-        targets=(BOX,),
+        targets=(BOX, OPEN),
         starts=2,
         compared=1,
         looks=(0, 100),
@@ -42,7 +42,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_trial_has_a_row_and_the_goal_is_reached(report: Path) -> None:
     with (report.parent / "destinations.csv").open() as file:
         rows = list(csv.DictReader(file))
-    own = [row for row in rows if row["system"] == "goal"]
+    own = [row for row in rows if (row["system"], row["goal"]) == ("goal", "red")]
     assert len(own) == 2
     for row in own:
         assert (row["reached"], row["collided"]) == ("1", "0")
@@ -54,6 +54,19 @@ def test_every_trial_has_a_row_and_the_goal_is_reached(report: Path) -> None:
         ("foresight", "0"),
         *((name, frames) for name in ("q-learning", "graded") for frames in ("0", "100")),
     }
+
+
+def test_a_goal_that_is_kept_to_is_reached_on_the_way(report: Path) -> None:
+    with (report.parent / "destinations.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["goal"] == "along:red"]
+    own = [row for row in rows if row["system"] == "goal"]
+    assert len(own) == 2
+    for row in own:
+        assert (row["reached"], row["collided"]) == ("1", "0")
+        # there is room to go on, so it does not end where it comes to the wall
+        assert int(row["way"]) < int(row["commands"]) == int(row["asked"])
+        assert float(row["kept"]) > 0.3
+    assert "driven of what was possible" in report.read_text("utf-8")
 
 
 def test_the_report_tells_what_was_reached(report: Path) -> None:
