@@ -278,3 +278,10 @@ class TestServo:
         servo = Servo(target=1000.0, top=900.0, acceleration=1000.0)
         assert servo.steer(0.0, 0.1) == pytest.approx(100.0)
         assert servo.steer(10.0, 0.1) == pytest.approx(200.0)
+
+    def test_a_wheel_that_still_creeps_is_not_there(self) -> None:
+        servo = Servo(target=100.0, top=400.0, acceleration=4_000.0)
+        assert servo.steer(97.0, 0.03) > 0.0
+        assert not servo.reached(99.0)
+        assert servo.steer(99.0, 0.03) == 0.0
+        assert servo.reached(99.0)

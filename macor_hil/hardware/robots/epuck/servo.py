@@ -43,8 +43,8 @@ class Servo:
         return self.target - position
 
     def reached(self, position: float) -> bool:
-        """Tell whether the wheel is there."""
-        return abs(self.left_over(position)) <= REACHED
+        """Tell whether the wheel is there, and was told to stand: nobody steers it after that."""
+        return self.speed == 0.0 and abs(self.left_over(position)) <= REACHED
 
     def steer(self, position: float, elapsed: float) -> float:
         """Return the next speed, steps a second.
