@@ -38,6 +38,9 @@ class Reading(NamedTuple):
     battery: float | None = None
 
 
+SATURATED: Final = 1000
+"""Reading before a white wall 15 mm away, in the driver's scale."""
+
 NOTHING: Final = Reading()
 
 
@@ -86,6 +89,7 @@ class Form:
         bearings: where they sit and look, degrees from straight ahead, left positive.
         sensor_height: above the floor.
         response: readings before a white wall, ascending, and the gaps that give them.
+        saturated: reading on the line that is the driver's 1000.
         field_of_view: radians that a sensor sees at half of its reading.
         pulse: way of a wheel for one count, as it is told on the line.
         base: distance between the wheels.
@@ -101,6 +105,7 @@ class Form:
     bearings: tuple[float, ...]
     sensor_height: float
     response: tuple[tuple[int, float], ...]
+    saturated: int = SATURATED
     field_of_view: float
     pulse: float
     base: float
@@ -117,6 +122,10 @@ class Form:
     def farthest(self) -> float:
         """Gap from which on nothing is seen."""
         return self.response[0][1]
+
+    def on_the_line(self, reading: int) -> int:
+        """Return the least reading on the line that comes to one in the driver's scale."""
+        return -(-reading * self.saturated // SATURATED)
 
     def distance(self, reading: int) -> float | None:
         """Return the gap to a white wall that gives a reading; None: nothing is seen.
