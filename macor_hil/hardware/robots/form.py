@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
+from khepera_protocol.serial.units import PULSE
 from khepera_protocol.zenoh.payloads import WireEntry
 
 REQUEST: Final = "request"
@@ -23,6 +24,7 @@ class Reading(NamedTuple):
         proximity: eight infrared readings, in the order and the scale of the driver.
         ambient: readings of ambient light, as they were told.
         counters: of both wheels, as they were told, without the wraps of short numbers.
+        recounted: whether counters are set, or begin anew with the robot.
         speed: of both wheels, as they were told.
         wanted: speeds that a request sets.
         lamps: names of lamps, and whether they shine now.
@@ -32,6 +34,7 @@ class Reading(NamedTuple):
     proximity: tuple[int, ...] | None = None
     ambient: tuple[int, ...] | None = None
     counters: tuple[int, ...] | None = None
+    recounted: bool = False
     speed: tuple[int, ...] | None = None
     wanted: tuple[int, ...] | None = None
     lamps: tuple[tuple[str, bool], ...] = ()
@@ -122,6 +125,13 @@ class Form:
     def farthest(self) -> float:
         """Gap from which on nothing is seen."""
         return self.response[0][1]
+
+    def in_the_drivers_counts(self, told: Reading) -> Reading:
+        """Return what a line tells, its counters as the driver counts: 0.08 mm each."""
+        if told.counters is None:
+            return told
+        counters = tuple(round(count * self.pulse / PULSE) for count in told.counters)
+        return told._replace(counters=counters)
 
     def on_the_line(self, reading: int) -> int:
         """Return the least reading on the line that comes to one in the driver's scale."""
