@@ -386,5 +386,6 @@ class Driver:
             if not min(first, last) - _SLACK <= now <= max(first, last) + _SLACK:
                 raise StrayedError(
                     f"sent from {begin} to {self._target} and got to {counters}: the request did"
-                    " not arrive as it was sent, or the robot was reset"
+                    " not arrive as it was sent, the robot was reset, or, where it is steered from"
+                    " here, nobody looked in time"
                 )
