@@ -11,7 +11,7 @@ from emulator_process import emulator
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 from macor_hil.commands import COMMANDS, STRAIGHT
-from macor_hil.errors import LinkError, RobotError, StrayedError
+from macor_hil.errors import LinkError, RobotError
 from macor_hil.hardware.address import PortAddress
 from macor_hil.hardware.devices import Hardware, open_hardware, robot_of
 from macor_hil.hardware.driver import Driver
@@ -200,23 +200,30 @@ def test_an_error_while_it_drives_leaves_it_standing_within_half_a_second(model:
         assert ended - last < 0.5
 
 
-@pytest.mark.parametrize("model", ["epuck", "epuck2"])
-def test_a_computer_that_was_held_up_is_a_named_failure_and_the_robot_stands(model: str) -> None:
-    with puck(model, baud=115_200) as hardware:
-        robot, looks = hardware.robot, 0
+@MODELS
+@pytest.mark.parametrize("alone", [None, 0.36])
+@pytest.mark.parametrize("share", [0.2, 0.4, 0.6, 0.8, 0.95])
+def test_a_computer_that_is_held_up_makes_no_collision(
+    model: str, alone: float | None, share: float
+) -> None:
+    def driven(held_at: int) -> tuple[int, float]:
+        """Drive a command; returns how many looks it took, and how far it led."""
+        looks = 0
 
         def guard() -> None:
             nonlocal looks
             looks += 1
-            if looks == 115:
-                robot.port.emulator.advance(robot.clock() + 0.5)
+            if looks == held_at:
+                hardware.robot.port.emulator.advance(hardware.robot.clock() + 0.5)
 
-        driver = Driver(robot, guard=guard)
-        driver.start()
-        with pytest.raises(StrayedError, match="steered from here, nobody looked in time"):
-            driver.execute(STRAIGHT)
-        robot.wait(0.1)
-        assert not_none(hardware.bench).truth().speed == (0.0, 0.0)
+        with puck(model, baud=115_200) as hardware:
+            driver = Driver(hardware.robot, guard=guard, alone=alone)
+            driver.start()
+            assert not driver.execute(STRAIGHT).collided
+            return looks, pose(hardware).x
+
+    looks, _ = driven(0)
+    assert driven(int(share * looks))[1] == pytest.approx(STRAIGHT.way, abs=0.0005)
 
 
 @pytest.mark.parametrize("model", ["epuck2", WIFI])
