@@ -29,7 +29,7 @@ ELSEWHERE = {
     r"make ": "Makefile: minutes, or the very tests that are running",
     r"pip ": "needs a registry of packages",
     r"(\w+=\S+ )*docker ": "needs a Docker engine: tests/test_docker.py, docs/docker.md",
-    r".* /dev/tty": "needs a robot",
+    r".* (/dev/tty|epuck2://)": "needs a robot",
     r"python benchmarks/": "minutes of measuring",
     r"python -m pytest test_approach.py": "a test for each language: tests/test_clients.py",
     r"python examples/gymnasium_learner.py": "minutes of learning: tests/test_environment.py",
@@ -37,6 +37,7 @@ ELSEWHERE = {
     r"macor-hil train .*runs/corridor.npz": "minutes: tests/test_macor_cli.py",
     r"macor-hil (train|run) .*runs/maze.npz": "minutes: tests/test_goals.py",
     r"macor-hil (train|run|trials) .*runs/epuck.npz": "minutes: tests/test_epuck_client.py",
+    r"macor-hil train .*--camera own": "minutes: tests/test_front_camera.py",
     r"macor-hil (run|trials) .*runs/corridor.npz": "needs that map: tests/test_service.py",
 }
 """Commands that are not run here, and why or where they are instead."""

@@ -202,19 +202,22 @@ def test_the_view_ends_at_the_walls_and_has_a_scale_below_them() -> None:
 
 
 def test_robots_of_the_same_world_are_drawn_together() -> None:
-    def one(name: str, world: str, x: float) -> RobotState:
+    def one(name: str, world: str, x: float, radius: float = 0.0275) -> RobotState:
         watched = RobotState(name)
-        watched.emulated = Emulated(
-            alive=True, outline=a_room().model_copy(update={"world": world})
-        )
+        shape = {"world": world, "robot_radius": radius}
+        watched.emulated = Emulated(alive=True, outline=a_room().model_copy(update=shape))
         watched.emulated.place(truth(0.5, x))
         return watched
 
-    first, second, other = one("a", "w", 0.1), one("b", "w", 0.3), one("c", "elsewhere", 0.5)
+    first, second, other = one("a", "w", 0.1), one("b", "w", 0.3, 0.035), one("c", "other", 0.5)
     parts = parts_of(first, b=second, c=other)
     assert {name for name in parts if name.startswith("bodies/")} == {"bodies/a", "bodies/b"}
     assert "chosen" in as_type(str, parts["bodies/a"])
     assert "chosen" not in as_type(str, parts["bodies/b"])
+    assert [next(parsed(parts[f"bodies/{name}"]).iter("circle")).get("r") for name in "ab"] == [
+        "28",
+        "35",
+    ]
     assert [each.text for each in parsed(parts["roster"]).iter("strong")] == ["a", "b", "c"]
     assert [parts[f"robot-{k}@aria-pressed"] for k in range(3)] == ["true", "false", "false"]
     second.take(Presence(EMULATOR, False, 0))

@@ -184,3 +184,16 @@ def test_a_robot_that_is_left_alone_stands_soon_where_that_was_asked_for(
             driver.start()
             driver.execute(STRAIGHT)
         assert fastest > 0.01
+
+
+@pytest.mark.parametrize("baud", [1200, 9600])
+@pytest.mark.parametrize("alone", [None, 0.36])
+def test_a_blocked_wheel_is_a_collision_within_seconds_on_any_line(
+    baud: int, alone: float | None
+) -> None:
+    with open_hardware(f"{PORT}&fault=jammed-motor", baud=baud) as hardware:
+        driver = Driver(hardware.robot, alone=alone)
+        driver.start()
+        begun = hardware.robot.clock()
+        assert driver.execute(STRAIGHT).collided
+        assert hardware.robot.clock() - begun < (5.0 if baud == 1200 else 1.5)

@@ -200,6 +200,32 @@ def test_an_error_while_it_drives_leaves_it_standing_within_half_a_second(model:
         assert ended - last < 0.5
 
 
+@MODELS
+@pytest.mark.parametrize("alone", [None, 0.36])
+@pytest.mark.parametrize("share", [0.2, 0.4, 0.6, 0.8, 0.95])
+def test_a_computer_that_is_held_up_makes_no_collision(
+    model: str, alone: float | None, share: float
+) -> None:
+    def driven(held_at: int) -> tuple[int, float]:
+        """Drive a command; returns how many looks it took, and how far it led."""
+        looks = 0
+
+        def guard() -> None:
+            nonlocal looks
+            looks += 1
+            if looks == held_at:
+                hardware.robot.port.emulator.advance(hardware.robot.clock() + 0.5)
+
+        with puck(model, baud=115_200) as hardware:
+            driver = Driver(hardware.robot, guard=guard, alone=alone)
+            driver.start()
+            assert not driver.execute(STRAIGHT).collided
+            return looks, pose(hardware).x
+
+    looks, _ = driven(0)
+    assert driven(int(share * looks))[1] == pytest.approx(STRAIGHT.way, abs=0.0005)
+
+
 @pytest.mark.parametrize("model", ["epuck2", WIFI])
 def test_a_closed_client_leaves_a_standing_robot(model: str) -> None:
     with puck(model) as hardware:

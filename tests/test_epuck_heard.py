@@ -10,7 +10,8 @@ import pytest
 from in_process import open_robot
 from khepera_protocol.epuck.codes import ALL_ACTUATORS, ALL_SENSORS, pack, row
 from khepera_protocol.epuck.letters import GREETING
-from khepera_protocol.epuck.packets import Actuators
+from khepera_protocol.epuck.packets import Actuators, Behaviour
+from khepera_protocol.epuck.units import STEP
 from khepera_protocol.epuck.wifi import WifiRequest
 from khepera_protocol.zenoh.keys import EMULATOR
 from khepera_protocol.zenoh.payload_model import Payload
@@ -149,6 +150,43 @@ def test_counters_of_16_bits_count_on() -> None:
     assert heard("gctronic2", said).counters == (33_536, -33_536)
 
 
+@pytest.mark.parametrize(("dialect", "counted"), [("gctronic", 33_536), ("gctronic2", -32_000)])
+def test_in_text_only_an_e_pucks_counters_have_16_bits(dialect: str, counted: int) -> None:
+    said: list[tuple[str, bytes]] = []
+    for end in (32_760, -32_760, -32_000):
+        said += [("request", b"Q\r"), ("reply", f"q,{end},{-end}\r\n".encode())]
+    assert heard(dialect, said).counters == (counted, -counted)
+
+
+STEPS_SET = Actuators(behaviour=Behaviour.STEPS, wheels=(10, 10))
+
+
+@pytest.mark.parametrize(
+    ("dialect", "asked"),
+    [
+        ("gctronic", b"P,0,0\r"),
+        ("gctronic", b"R\r"),
+        ("gctronic", row(("P", bytes(4)))),
+        ("gctronic2", row((ALL_ACTUATORS, STEPS_SET.pack()))),
+        ("gctronic2", b"r\r"),
+    ],
+)
+def test_counters_that_are_set_are_no_way_that_was_driven(dialect: str, asked: bytes) -> None:
+    ask = ("request", row("Q"))
+    said: list[tuple[str, bytes]] = [ask, ("reply", pack((900, 900))), ask]
+    said += [("reply", pack((1000, 1000))), ("request", asked)]
+    answers = {b"R\r": GREETING, b"P,0,0\r": b"p\r\n"}
+    said += [("reply", answers[asked])] if asked in answers else []
+    said += [ask, ("reply", pack((20, 20))), ask, ("reply", pack((1020, 1020)))]
+    assert heard(dialect, said).counters == (1020, 1020)
+    entries = [WireEntry(time=k, what=w, text=d.decode("latin-1")) for k, (w, d) in enumerate(said)]
+    wire = told("wire", Wire(first=0, entries=entries, robot_kind="epuck", dialect=dialect))
+    for drawn in (RosTopics("khepera").tell(wire, 1), Scene().draw(wire, 1)):
+        messages: dict[str, Any] = dict(drawn)
+        pose = messages["odom"].pose.pose if "odom" in messages else messages["odometry"].pose
+        assert pose.position.x == pytest.approx(1100 * STEP, abs=1e-4)
+
+
 def test_what_is_lost_ends_with_the_next_request() -> None:
     line = heard("gctronic2", [("request", LOOK), ("reply", bytes(10))])
     gap = Wire(
@@ -243,6 +281,11 @@ def test_ros_and_foxglove_know_the_size_of_an_e_puck() -> None:
     ]
     wire = Wire(first=0, entries=entries, robot_kind="epuck", dialect="gctronic2")
     found = dict(topics.tell(told("wire", wire), 1))
+    shown = dict(scene.draw(told("wire", wire), 1))
+    assert shown["odometry"].pose.position.x == pytest.approx(0.1288, abs=0.0002)
+    rays = shown["infrared"].entities[0].lines
+    assert (rays[0].points[0].y, rays[0].points[1].y) == pytest.approx((0.035, 0.105))
+    assert rays[0].points[0].z == EPUCK.sensor_height
     # a turn of both wheels
     assert found["odom"].pose.pose.position.x == pytest.approx(0.1288, abs=0.0002)
     assert found["range/ir0"].max_range == EPUCK.farthest

@@ -1,6 +1,7 @@
 """Feelers find a collision where the infrared sensors are saturated, and where the body touches."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import hypot
 
 import numpy as np
@@ -10,12 +11,15 @@ from worlds import arena
 
 from khepera_emulator.arenas.arena import Arena, arena_names, load_arena
 from khepera_emulator.models import KHEPERA, KHEPERA2, Model
+from khepera_emulator.robot.epuck.models import EPUCK, EPUCK2
+from khepera_emulator.robot.epuck.senses.proximity import Ring
 from khepera_emulator.routes.feelers import Feelers, Poses, solids_of
 from khepera_emulator.senses.infrared import Infrared, sensor_ring
 from khepera_emulator.world.floor_plan import FloorPlan
 from khepera_emulator.world.outline import outline
 
 COLLISION = 1000
+EPUCK_COLLISION = 600
 HERE = np.zeros((1, 3))
 
 ONE_COLOUR = [
@@ -26,7 +30,8 @@ ONE_COLOUR = [
 
 
 def feelers(made: Arena, model: Model = KHEPERA, margin: float = 0.0) -> Feelers:
-    return Feelers(solids_of(outline(made, model)), model, COLLISION, margin)
+    collision = COLLISION if model.kind == "khepera" else EPUCK_COLLISION
+    return Feelers(solids_of(outline(made, model)), model, collision, margin)
 
 
 def touches(
@@ -59,6 +64,43 @@ def saturated(made: Arena, poses: list[np.ndarray], model: Model) -> list[bool]:
         )
         for x, y, heading in poses
     ]
+
+
+def epuck_near(made: Arena, poses: list[np.ndarray]) -> list[bool]:
+    """The same of an e-puck's own sensors, whose zeros are taken off."""
+    plan, zeros = FloorPlan(made), EPUCK2.offsets
+    ring = Ring(
+        replace(EPUCK2, proximity=replace(EPUCK2.proximity, noise=(0.0, 0.0))),
+        plan,
+        [],
+        np.random.default_rng(0),
+    )
+    scans = [np.subtract(ring.reflected(*pose), zeros) for pose in poses]
+    return [
+        plan.clearance(x, y) <= EPUCK2.radius
+        or bool(scan[[0, 1, 2, 5, 6, 7]].max() >= EPUCK_COLLISION)
+        for (x, y, _), scan in zip(poses, scans, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("name", ["corridor", "open-box", "maze", "lamp-room"])
+def test_an_epucks_agree_with_its_sensors(name: str) -> None:
+    made = load_arena(name)
+    poses = near_walls(made, 400)
+    told, true = touches(made, poses, EPUCK2), epuck_near(made, poses)
+    assert 0.1 < told.mean() < 0.9
+    assert not (true & ~told).any()
+    assert (told & ~np.array(true)).sum() <= (2 if name in {"maze", "lamp-room"} else 0)
+    assert (told == touches(made, poses, EPUCK)).all()
+
+
+@pytest.mark.parametrize("colour", [1.0, 0.5, 0.0])
+def test_an_epuck_feels_dark_walls_later(colour: float) -> None:
+    wall = arena(wall=[{"points": [[0.105, -1.0], [0.105, 1.0]], "colour": [colour] * 3}])
+    ahead = [(x, 0.0, 0.0) for x in np.arange(0.0, 0.08, 1e-4)]
+    felt = float(ahead[touches(wall, ahead, EPUCK2).argmax()][0])
+    poses = [np.array(pose) for pose in ahead]
+    assert felt == pytest.approx(ahead[epuck_near(wall, poses).index(True)][0], abs=1e-9)
 
 
 @pytest.mark.parametrize("model", [KHEPERA, KHEPERA2], ids=lambda model: model.name)

@@ -1,11 +1,17 @@
 """A robot's own camera, which looks ahead: its pictures over the line, and eyes for them."""
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 from as_type import not_none
+from khepera_protocol.mirror import Mirror
 from khepera_protocol.zenoh.payloads import Pose, Reset
+from typer.testing import CliRunner
 
 from macor_hil.checks import check_eyes
+from macor_hil.cli.program import app
 from macor_hil.errors import CameraError, CameraLostError
 from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_of
 from macor_hil.hardware.devices import open_hardware
@@ -13,6 +19,7 @@ from macor_hil.hardware.driver import Driver
 from macor_hil.hardware.robots.epuck.readings import image_of
 from macor_hil.mind.eyes.front import FrontEyes
 from macor_hil.mind.eyes.opponent import CHANNELS
+from macor_hil.mind.eyes.panorama import PanoramaEyes
 
 
 def port(model: str, arena: str = "corridor") -> str:
@@ -48,6 +55,24 @@ def test_a_khepera_has_no_camera_of_its_own() -> None:
         open_hardware("khepera://corridor", "own"),
     ):
         raise AssertionError("a camera was found")
+
+
+def test_look_draws_its_picture(tmp_path: Path) -> None:
+    picture = tmp_path / "ahead.png"
+    options = ["--port", port("epuck2"), "--camera", "own", "--baud", "115200"]
+    done = CliRunner().invoke(app, ["look", *options, "--picture", str(picture)])
+    assert (done.exit_code, done.stdout) == (0, f"{picture}\n")
+    shown = not_none(cv2.imread(str(picture)))
+    yellow = (shown[..., 2] > shown[..., 0] + 30.0) & (shown[..., 1] > shown[..., 0] + 30.0)
+    assert yellow.mean() > 0.2  # a wall of the corridor
+
+
+def test_eyes_for_it_are_named_where_others_do_not_fit() -> None:
+    with (
+        open_hardware(port("epuck"), "own", baud=115_200) as hardware,
+        pytest.raises(CameraError, match="looks ahead is for --eyes front"),
+    ):
+        CheckedCamera(hardware.camera, limits_of(PanoramaEyes(Mirror()))).grab()
 
 
 def test_a_failing_line_is_a_lost_camera() -> None:

@@ -23,10 +23,11 @@ from khepera_protocol.zenoh.controller_payloads import (
     Phase,
 )
 from khepera_protocol.zenoh.keys import CONTROLLER
-from khepera_protocol.zenoh.payloads import Truth, Wire
+from khepera_protocol.zenoh.payloads import Outline, Pose, Truth, Wire
 from rich.console import Console
 
 from macor_hil.errors import TelemetryError
+from macor_hil.monitor.dashboard.drawings.texts import of_the_robot
 from macor_hil.monitor.follower import Follower
 from macor_hil.monitor.robot_state import Controlled, Emulated, RobotState
 from macor_hil.monitor.terminal import watch
@@ -106,6 +107,26 @@ def test_a_program_that_is_no_controller_of_ours_is_told_of() -> None:
     assert "another program drives" in line_with(text_of(watched), "driver")
     watched.emulated.line.take(as_type(Wire, EXAMPLES[Wire]), 100.0)
     assert "counters 262 263" in line_with(text_of(watched), "wheels")
+
+
+def test_kind_and_model_are_shown_where_they_are_told() -> None:
+    start = Pose(x=0.0, y=0.0, heading=0.0)
+    arena = Outline(title="", floor=(0, 0, 0), solids=[], start=start, robot_radius=0.035)
+    told = {"robot_kind": "epuck", "robot_model": "epuck2"}
+    for changes, kind in (({}, "Khepera"), (told, "e-puck (epuck2)")):
+        outline = arena.model_copy(update=changes)
+        watched = RobotState("khepera", emulated=Emulated(alive=True, outline=outline))
+        assert f"monitor · khepera · {kind} ─" in text_of(watched)
+        assert of_the_robot(watched)[0] == ("kind", kind, False)
+    assert of_the_robot(RobotState("khepera")) == []
+
+
+def test_counters_are_the_lines_in_the_terminal_and_in_the_browser() -> None:
+    watched = a_watched()
+    assert ("counters", "262 and 263", False) in of_the_robot(watched)
+    watched.emulated.line.counters = (162, 163)  # an e-puck's are steps of 0.13 mm
+    assert "counters 162 163" in line_with(text_of(watched), "wheels")
+    assert ("counters", "162 and 163", False) in of_the_robot(watched)
 
 
 def test_a_collision_is_shown() -> None:

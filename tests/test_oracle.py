@@ -2,6 +2,7 @@
 
 from itertools import product
 from math import ceil, radians
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from worlds import arena
 from khepera_emulator.arenas.arena import Arena, load_arena
 from khepera_emulator.errors import EmulatorError
 from khepera_emulator.models import KHEPERA, KHEPERA2, Model
+from khepera_emulator.robot.epuck.models import EPUCK2
 from khepera_emulator.routes.oracle import MARGIN, PAPER_COMMANDS, Oracle
 from khepera_emulator.senses.infrared import Infrared
 from khepera_emulator.world.floor_plan import FloorPlan
@@ -176,9 +178,35 @@ def test_robots_differ_and_a_robot_that_is_unknown_is_told() -> None:
     start = Pose(x=0.0, y=0.0, heading=0.0)
     lengths = [oracle(made, model).longest_drive(start, 5).length for model in (KHEPERA, KHEPERA2)]
     assert lengths == [5, 0]
-    drawing = outline(made, KHEPERA).model_copy(update={"robot_radius": 0.05})
-    with pytest.raises(EmulatorError, match=r"radius of 0.05 m; there are khepera \(0.0275 m\)"):
+    strange = {"robot_radius": 0.05, "robot_model": ""}
+    drawing = outline(made, KHEPERA).model_copy(update=strange)
+    with pytest.raises(
+        EmulatorError, match=r"'khepera' with a radius of 0.05 m; there are khepera"
+    ):
         Oracle(drawing)
+
+
+def test_a_robot_is_known_by_its_name_and_without_one_by_its_kind_and_size() -> None:
+    made = load_arena("maze")
+    drawn = outline(made, KHEPERA2), outline(made, EPUCK2)
+    assert drawn[0].robot_radius == drawn[1].robot_radius  # its size alone does not tell
+    epucks = Oracle(drawn[1], collision=600)
+    nameless = Oracle(drawn[1].model_copy(update={"robot_model": ""}), collision=600)
+    found = [
+        [each.longest_drive(pose, 8).commands for pose in places(made, 8)]
+        for each in (epucks, nameless, Oracle(drawn[0]), Oracle(drawn[0], collision=600))
+    ]
+    assert found[0] == found[1]
+    assert found[0] not in found[2:]
+
+
+def test_a_name_in_an_outline_never_loads_code_of_its_own(tmp_path: Path) -> None:
+    trap, seen = tmp_path / "trap.py", tmp_path / "seen"
+    trap.write_text(f"open({str(seen)!r}, 'w')")
+    drawing = outline(load_arena("maze"), KHEPERA)
+    drawing = drawing.model_copy(update={"robot_model": f"{trap}:MODEL"})
+    Oracle(drawing)  # by its size
+    assert not seen.exists()
 
 
 def test_things_stand_still_for_it() -> None:

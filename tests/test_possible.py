@@ -5,13 +5,19 @@ from dataclasses import asdict
 from math import radians
 
 import pytest
+from as_type import not_none
 from emulator_process import emulator, free_endpoint
 from khepera_protocol.zenoh.payloads import Pose, Reset
 
 from khepera_emulator.routes.oracle import PAPER_COMMANDS, Oracle
+from macor_hil.commands import COMMANDS
 from macor_hil.errors import BenchError
 from macor_hil.hardware.bench import PortBench, ZenohBench
 from macor_hil.hardware.devices import open_hardware
+from macor_hil.hardware.driver import Driver
+from macor_hil.hardware.robots.epuck.readings import scaled
+from macor_hil.hardware.robots.forms import form_of
+from macor_hil.hardware.robots.robot import RobotKind
 from macor_hil.runs.possible import Possible, Shares, compare, judge, share_of
 from macor_hil.runs.trials import Trial
 from macor_hil.telemetry.session import open_session
@@ -93,10 +99,36 @@ def test_an_unknown_robot_is_told() -> None:
     with open_hardware("khepera://corridor?seed=1") as hardware:
         bench = hardware.bench
         assert isinstance(bench, PortBench)
-        strange = bench.outline().model_copy(update={"robot_radius": 0.1})
+        changed = {"robot_radius": 0.1, "robot_model": "unheard-of"}
+        strange = bench.outline().model_copy(update=changed)
         bench.outline = lambda: strange  # type: ignore[method-assign]
         with pytest.raises(BenchError, match=r"cannot tell what is possible: no known robot"):
             judge(bench)
+
+
+@pytest.mark.parametrize("model", ["epuck", "epuck2"])
+def test_an_epuck_is_judged_by_its_own_sensors_and_drives_what_is_possible(model: str) -> None:
+    with open_hardware(f"khepera://maze?model={model}&seed=4&drift=none") as hardware:
+        bench = not_none(hardware.bench)
+        own = Oracle(bench.outline(), PAPER_COMMANDS, bench.truth().drift, collision=600)
+        driver, tell = Driver(hardware.robot), judge(bench)
+        for seed in range(3):
+            start = bench.reset(Reset(random=True, seed=seed)).pose
+            found = own.longest_drive(start, 40)
+            assert tell(start) == Possible(found.length, 40, found.exact)
+            driver.start()
+            outcomes = [driver.execute(COMMANDS[command]) for command in found.commands]
+            assert not any(outcome.collided for outcome in outcomes)
+            assert not bench.truth().touched
+
+
+@pytest.mark.parametrize("kind", [RobotKind.KHEPERA, RobotKind.EPUCK])
+def test_a_collision_on_the_line_is_the_drivers(kind: RobotKind) -> None:
+    form = form_of(kind)
+    for collision in (1, 300, 999, 1000, 1023):
+        least = form.on_the_line(collision)
+        scales = [scaled(raw) if kind is RobotKind.EPUCK else raw for raw in (least - 1, least)]
+        assert [value >= collision for value in scales] == [False, True]
 
 
 def test_a_robot_in_another_process_is_judged_alike() -> None:

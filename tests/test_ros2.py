@@ -327,6 +327,32 @@ def test_an_emulator_alone_is_told_by_what_passes_on_its_line() -> None:
     assert sum_of_both == pytest.approx(0.1)
 
 
+def test_a_speed_is_that_between_two_replies_however_many_come_at_once() -> None:
+    said = [
+        ("request", "H\n"),
+        ("reply", "h,0,0\r\n"),
+        ("request", "H\n"),
+        ("reply", "h,10,10\r\n"),
+    ]
+    said += [("request", "H\n"), ("reply", "h,30,30\r\n")]
+    entries = [WireEntry(time=1 + 0.01 * k, what=w, text=t) for k, (w, t) in enumerate(said)]
+    told = told_of([json_event(EMULATOR, "wire", Wire(first=0, entries=entries), 0.3)])
+    speeds = [each.twist.twist.linear.x for each in told[topics.ODOMETRY]]
+    assert speeds == pytest.approx([0.0, 0.04, 0.08])
+
+
+@pytest.mark.parametrize("reset", [("G,0,0", "g"), ("restart", "ROM of minirobot KHEPERA, 5.01")])
+def test_counters_that_are_set_do_not_move_the_robot(reset: tuple[str, str]) -> None:
+    asked, said = reset
+    entries = [("request", "H\n"), ("reply", "h,500,500\r\n"), ("request", f"{asked}\n")]
+    entries += [("reply", f"{said}\r\n"), ("request", "H\n"), ("reply", "h,0,0\r\n")]
+    entries += [("request", "H\n"), ("reply", "h,100,100\r\n")]
+    wire = [WireEntry(time=k, what=what, text=text) for k, (what, text) in enumerate(entries)]
+    told = told_of([json_event(EMULATOR, "wire", Wire(first=0, entries=wire), 0.3)])
+    where = [each.pose.pose.position.x for each in told[topics.ODOMETRY]]
+    assert where == pytest.approx([0.0, 0.0, 0.008])
+
+
 def test_beside_a_controller_the_line_tells_the_battery_alone() -> None:
     told = told_of([Presence(CONTROLLER, True, BEGIN), json_event(EMULATOR, "wire", ASKED, 0.3)])
     assert set(told) == {topics.DIAGNOSTICS, topics.BATTERY}

@@ -2,23 +2,31 @@
 
 import signal
 import struct
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from itertools import pairwise
 from math import inf, nan
+from typing import Any
 
 import pytest
+from as_type import not_none
 from controller_helpers import free_endpoint
 from drives import STATUSES, WAYS_OUT, Drive
 from hand_drives import Joystick, driven_by_ros
+from khepera_protocol.serial.units import PULSE
 from khepera_protocol.zenoh.keys import CONTROLLER_ALIVE
 from rig import STANDING, Rig, rig
 from rosbags.typesys.stores import ros2_jazzy as ros
 
+from macor_hil.hardware.devices import open_hardware
 from macor_hil.hardware.driver import DriveSettings
 from macor_hil.hardware.khepera import Khepera, open_port
+from macor_hil.hardware.robots.form import Reading
 from macor_hil.runs.by_hand.rolling import LIMIT, Rolling
+from macor_hil.runs.by_hand.ros_drive import _DrivenRobot
 from macor_hil.telemetry.ros2.messages import cdr, header, twist
-from macor_hil.telemetry.ros2.twists import read_twist
+from macor_hil.telemetry.ros2.twists import Twist, read_twist
 from macor_hil.telemetry.session import open_session
 
 
@@ -120,6 +128,42 @@ def test_a_motion_is_the_one_that_was_told() -> None:
     assert turn / ((way[0] + way[1]) / 2 * 0.00008) == pytest.approx(
         1.0 / 0.08, rel=0.12
     )  # multiples of 8 mm/s a wheel
+
+
+class Written:
+    """In the place of bridge, twists and controllers: a joystick that is held, and what is told."""
+
+    there = False
+
+    def __init__(self) -> None:
+        self.told: list[tuple[float, int]] = []
+
+    def latest(self) -> Twist:
+        return Twist(0.08, 0.0, time.monotonic())
+
+    def meet(self, _: object) -> None:
+        pass
+
+    def forward(self, _: float) -> bool:
+        return False
+
+    def sense(self, told: Reading, when: float) -> None:
+        self.told.append((when, not_none(told.counters)[0]))
+
+
+def test_a_question_for_the_battery_bends_no_speed() -> None:
+    with open_hardware("khepera://open-box?seed=1", baud=9600) as hardware:
+        written: Any = Written()
+        node = _DrivenRobot(hardware.robot, written, written, written, DriveSettings())
+        for turn in range(40):
+            if turn % 3 == 0:
+                node._asked_battery = -inf
+            node.turn()
+            hardware.robot.wait(0.03)
+    steady = written.told[15:]
+    speeds = [(b[1] - a[1]) * PULSE / (b[0] - a[0]) for a, b in pairwise(steady)]
+    assert min(speeds) > 0.08 * 0.85
+    assert max(speeds) < 0.08 * 1.15
 
 
 def test_what_is_ahead_stops_the_robot_and_the_way_back_is_free() -> None:

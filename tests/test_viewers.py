@@ -6,7 +6,7 @@ import struct
 import subprocess
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from math import pi
+from math import cos, pi, radians
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,13 @@ import pytest
 from controller_helpers import PATIENCE, a_decision, a_frame, free_endpoint, publishing
 from drives import MACOR_HIL
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from khepera_protocol.zenoh.controller_payloads import Odometry
 from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
 from khepera_protocol.zenoh.payloads import Outline, Pose, Wire, WireEntry
 from typer.testing import CliRunner
-from watching_helpers import BEGIN, a_life, json_event, truth
+from watching_helpers import BEGIN, a_life, json_event, picture_event, truth
 from websockets.sync.client import ClientConnection, connect
 
 from macor_hil.cli.program import app
@@ -146,6 +147,51 @@ def test_without_an_emulator_the_robot_is_drawn_in_the_frame_of_its_odometry() -
     assert scene(found["foxglove/khepera/way"][-1]).frame_id == "odometry"
 
 
+ASKED = Wire(
+    first=0,
+    entries=[
+        WireEntry(time=1.0, what="request", text="H\nN\nH\n"),
+        WireEntry(time=1.1, what="reply", text="h,0,0\r\nn,0,0,1,0,0,0,0,0\r\nh,100,100\r\n"),
+        WireEntry(time=1.2, what="request", text="N\n"),
+        WireEntry(time=1.3, what="reply", text="n,0,0,449,0,0,0,0,0\r\n"),
+    ],
+)
+
+
+def test_without_a_controller_the_line_tells_rays_and_odometry() -> None:
+    found = told(
+        [
+            json_event(EMULATOR, "truth", truth(1.0, 0.1), 1.0),
+            json_event(EMULATOR, "wire", ASKED, 1.4),
+        ]
+    )
+    (rays,) = map(scene, found["foxglove/khepera/infrared"])  # the latest ones
+    assert rays.lines[2].points[1].x == pytest.approx((0.0275 + 0.025) * cos(radians(10)))
+    (way,) = map(PoseInFrame.FromString, [each.data for each in found["foxglove/khepera/odometry"]])
+    assert (way.frame_id, way.pose.position.x) == ("odometry", pytest.approx(0.008))
+
+
+def test_beside_a_controller_the_line_tells_nothing_but_itself() -> None:
+    found = told([Presence(CONTROLLER, True, BEGIN), json_event(EMULATOR, "wire", ASKED, 1.0)])
+    assert {topic for topic in found if topic.startswith("foxglove")} == {"foxglove/khepera/wire"}
+
+
+def test_a_robot_has_its_place_before_anybody_drives_it() -> None:
+    found = told([json_event(EMULATOR, "truth", truth(1.0, 0.1), 1.0)])
+    frames = [FrameTransform.FromString(each.data) for each in found["foxglove/khepera/transform"]]
+    assert [(each.parent_frame_id, each.child_frame_id) for each in frames] == [
+        ("arena", "odometry"),
+        ("odometry", "robot"),
+    ]
+
+
+def test_all_topics_are_known_before_their_messages() -> None:
+    events = [*a_life(2), json_event(EMULATOR, "wire", ASKED, 9.0)]
+    events.append(picture_event(9.1, side=EMULATOR, leaf="camera"))
+    forms = dict(Topics("khepera").all())
+    assert {topic: messages[0].form for topic, messages in told(events).items()} == forms
+
+
 def test_where_the_robot_is_put_a_new_way_begins() -> None:
     places = [0.1, 0.12, 0.14, 0.9]
     events = [json_event(EMULATOR, "truth", truth(1.0, x), 1.0 + k) for k, x in enumerate(places)]
@@ -235,9 +281,8 @@ def test_the_same_is_shown_live() -> None:
         assert address.startswith("ws://127.0.0.1:")
         with connect(address, subprotocols=["foxglove.sdk.v1"]) as socket:  # type: ignore[list-item]
             viewer = Viewer(socket)
-            viewer.advertised("macor/khepera/alive")
-            publisher.decision(a_decision(0))
-            viewer.advertised("macor/khepera/decision", "foxglove/khepera/plan")
+            # all topics are there at once, so that no first message is missed
+            viewer.advertised("macor/khepera/alive", "macor/khepera/decision")
             decision = viewer.channels["macor/khepera/decision"]
             assert decision["schemaName"] == "macor.Decision"
             assert json.loads(decision["schema"])["type"] == "object"
@@ -246,9 +291,9 @@ def test_the_same_is_shown_live() -> None:
             number, first, data = viewer.message()
             assert (number, json.loads(data)) == (0, {"alive": True})
             publisher.frame(a_frame())
-            publisher.decision(a_decision(1))
+            publisher.decision(a_decision(0))
             number, second, data = viewer.message()
-            assert (number, json.loads(data)["sequence"]) == (1, 1)
+            assert (number, json.loads(data)["sequence"]) == (1, 0)
             assert second >= first
         process.send_signal(signal.SIGTERM)
         assert process.wait(PATIENCE) == 0

@@ -25,6 +25,8 @@ if TYPE_CHECKING:  # options are read before a world is loaded
 
     from khepera_emulator.robot.ailments import Ailments
     from khepera_emulator.robot.rolling import Rolling
+    from khepera_emulator.senses.reach import Reach
+    from khepera_emulator.world.rays import Array
     from khepera_emulator.world.world import World
 
 KINDS: Final = Registry(
@@ -127,6 +129,16 @@ class Kind(Protocol):
 
     def firmware(self, robot: Any, console: Console) -> Firmware:
         """Make the interpreter of a robot that `robot` has made."""
+
+    def reach(self, model: Any, count: int, shades: "Array", margin: float) -> "Reach":
+        """Return how far the front and side sensors of a model read a count, without noise.
+
+        Args:
+            model: of the robot.
+            count: reading on the line.
+            shades: brightness to infrared of S solids, 0 to 1.
+            margin: metres that are added.
+        """
 
 
 def kind_of(model: Model) -> Kind:

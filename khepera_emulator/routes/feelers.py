@@ -1,10 +1,10 @@
 """A robot as wide as its sensors find a collision, in many places at once.
 
 The controller counts it as a collision when a front or side infrared sensor is saturated. Each ray
-of a sensor is therefore a feeler of a fixed length, which is shorter for darker solids, and the
-robot has collided where a feeler or its body touches something. A margin makes feelers longer and
-the body wider. Where a ray meets two colours at a corner, both count: the sensor sees the first one
-only.
+of a sensor is therefore a feeler of a fixed length, which is shorter for darker solids (the robot's
+kind tells it, `robot.kind.Kind.reach`), and the robot has collided where a feeler or its body
+touches something. A margin makes feelers longer and the body wider. Where a ray meets two colours
+at a corner, both count: the sensor sees the first one only.
 """
 
 from math import hypot
@@ -15,14 +15,11 @@ from khepera_protocol.zenoh.payloads import Outline
 from numpy.typing import NDArray
 
 from khepera_emulator.models import Model
-from khepera_emulator.senses.infrared import BLACK_LOSS, sensor_ring
+from khepera_emulator.robot.kind import kind_of
 from khepera_emulator.world.rays import NEVER, Array
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
-
-FRONT: Final = 6
-"""The first six sensors face where the robot can drive to; the two others look back."""
 
 _BEARINGS: Final = 360
 """Directions for which it is known how far a feeler comes."""
@@ -110,8 +107,11 @@ class Feelers:
     Args:
         solids: all that it can touch.
         model: which robot.
-        collision: proximity reading of a front or side sensor that counts as a collision.
+        collision: reading of a front or side sensor, on the line, that counts as a collision.
         margin: metres that feelers are longer and the body is wider than that.
+
+    Raises:
+        EmulatorError: the kind of the model is not there.
     """
 
     def __init__(self, solids: Solids, model: Model, collision: int, margin: float) -> None:
@@ -119,18 +119,12 @@ class Feelers:
         self._turns = np.arctan2(solids.uy, solids.ux)
         self._body = model.radius + margin
         shades, self._shades = np.unique(solids.grey, return_inverse=True)
-        rays = [
-            (*sensor.foot, ahead, left, sensor.gap_of(collision) + margin - penalty)
-            for sensor in sensor_ring(model)[:FRONT]
-            for ahead, left, penalty in sensor.rays
-        ]
-        self._foot_ahead, self._foot_left, self._ahead, self._left, gaps = np.array(rays).T
-        # to a dark solid a gap looks longer, by a part of what it falls short of the reach
-        loss = BLACK_LOSS * (1.0 - shades[:, None])
-        self._lengths = (gaps - loss * model.proximity.gaps[-1]) / (1.0 - loss)
+        feet, rays, self._lengths = kind_of(model).reach(model, collision, shades, margin)
+        self._foot_ahead, self._foot_left = feet.T
+        self._ahead, self._left = rays.T
         self._needs, self._farthest = self._reaches()
         self._most = float(self._needs.max(initial=self._body))
-        self._all = np.arange(len(gaps))[None]
+        self._all = np.arange(len(rays))[None]
 
     def touch(self, poses: Poses, steps: Array) -> Flags:
         """Tell where a robot has collided.

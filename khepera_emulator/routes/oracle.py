@@ -18,11 +18,13 @@ from math import ceil, pi
 from typing import Final, NamedTuple
 
 import numpy as np
-from khepera_protocol.serial.units import PULSE, WHEEL_BASE
+from khepera_protocol.registry import is_own_code
+from khepera_protocol.serial.units import PULSE
+from khepera_protocol.text import quoted
 from khepera_protocol.zenoh.payloads import Outline, Pose, WheelDrift
 
 from khepera_emulator.errors import EmulatorError
-from khepera_emulator.models import MODELS, KheperaModel, find_model
+from khepera_emulator.models import MODELS, Model, find_model
 from khepera_emulator.routes.feelers import Feelers, Flags, Indices, Poses, solids_of
 from khepera_emulator.world.rays import Array
 
@@ -37,7 +39,7 @@ PAPER_COMMANDS: Final[tuple[Ways, ...]] = (
 """The paper's commands: 2.1 cm, turning 12, -12 or 0 degrees, in whole encoder counts."""
 
 COLLISION: Final = 1000
-"""Proximity reading of a front or side sensor from which on the controller has collided."""
+"""Reading of a Khepera's front or side sensor from which on the controller has collided."""
 
 MARGIN: Final = 0.002
 """Metres that drives keep beyond what counts as a collision: six times what the noise of the
@@ -109,11 +111,11 @@ class Oracle:
         outline: the arena, with all things where they are; they count as standing still.
         commands: what the robot can do.
         drift: of the robot's wheels, without its slip; None: wheels that are as they should be.
-        collision: proximity reading that counts as a collision.
+        collision: proximity reading that counts as a collision, as the robot's line has it.
         margin: metres that drives keep beyond it.
 
     Raises:
-        EmulatorError: no known robot is as wide as the one of the outline.
+        EmulatorError: the robot of the outline is not known.
     """
 
     def __init__(
@@ -124,9 +126,9 @@ class Oracle:
         collision: int = COLLISION,
         margin: float = MARGIN,
     ) -> None:
-        model = _model_of(outline.robot_radius)
+        model = _model_of(outline)
         self._feelers = Feelers(solids_of(outline), model, collision, margin)
-        arcs = [_arc(ways, drift) for ways in commands]
+        arcs = [_arc(ways, model.wheel_base, drift) for ways in commands]
         self._samples = np.concatenate(arcs)
         self._firsts = np.cumsum([0, *map(len, arcs[:-1])])
         self._ends = np.array([arc[-1] for arc in arcs])
@@ -210,25 +212,30 @@ class Oracle:
         return _Layer(reached, before, command)
 
 
-def _model_of(radius: float) -> KheperaModel:
-    found = [find_model(name) for name in MODELS.names()]
-    models = [model for model in found if isinstance(model, KheperaModel)]
+def _model_of(outline: Outline) -> Model:
+    """Return the robot that an outline names; where it names none, one of its kind as wide.
+
+    A name from a sample never loads code that is not installed.
+    """
+    name, radius = outline.robot_model, outline.robot_radius
+    if not is_own_code(name) and name in MODELS.names():
+        return find_model(name)
+    models = [find_model(each) for each in MODELS.names()]
     for model in models:
-        if abs(model.radius - radius) < _EQUAL:
+        if model.kind == outline.robot_kind and abs(model.radius - radius) < _EQUAL:
             return model
     raise EmulatorError(
-        f"no known robot has a radius of {radius} m; there are"
-        f" {', '.join(f'{model.name} ({model.radius} m)' for model in models)}"
+        f"no known robot is the {quoted(name or outline.robot_kind)} with a radius of {radius} m;"
+        f" there are {', '.join(f'{model.name} ({model.radius} m)' for model in models)}"
     )
 
 
-def _arc(ways: Ways, drift: WheelDrift | None) -> Array:
+def _arc(ways: Ways, base: float, drift: WheelDrift | None) -> Array:
     """Return poses along a command, as seen from its beginning; the last one is its end.
 
     Shape (K, 3): metres ahead and to the left, radians turned.
     """
     left, right = ways
-    base = WHEEL_BASE
     if drift is not None:
         left, right, base = left * drift.left_scale, right * drift.right_scale, drift.wheel_base
     way, turn = (left + right) / 2, (right - left) / base

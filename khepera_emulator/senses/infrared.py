@@ -20,6 +20,7 @@ import numpy as np
 from khepera_emulator.arenas.arena import Lamp
 from khepera_emulator.body.drawn import Drawn
 from khepera_emulator.models import Model, ProximityCurve
+from khepera_emulator.senses.reach import Reach
 from khepera_emulator.world.floor_plan import Scene
 from khepera_emulator.world.rays import Array
 from khepera_emulator.world.solids import Solid
@@ -37,6 +38,9 @@ _TABLE_STEP = 0.001
 
 _ROUNDING = 1e-9
 """Metres by which a gap may exceed the last one of the record and still be it."""
+
+FRONT = 6
+"""The first six sensors face where the robot can drive to; the two others look back."""
 
 BLACK_LOSS = 0.5
 """Part of a ray's reach that a black surface takes away (KiKS)."""
@@ -243,6 +247,19 @@ def sensor_ring(model: Model) -> tuple[Sensor, ...]:
         ]
         sensors.append(Sensor(foot, tuple(rays), tuple(curves[number])))
     return tuple(sensors)
+
+
+def reach_of(model: Model, count: int, shades: Array, margin: float) -> Reach:
+    """Return how far the front and side sensors read a count; see `robot.kind.Kind.reach`."""
+    rows = [
+        (sensor.foot, (ahead, left), sensor.gap_of(count) + margin - penalty)
+        for sensor in sensor_ring(model)[:FRONT]
+        for ahead, left, penalty in sensor.rays
+    ]
+    feet, rays, gaps = (np.array(column) for column in zip(*rows, strict=True))
+    # to a dark solid a gap looks longer, by a part of what it falls short of the reach
+    loss = BLACK_LOSS * (1.0 - shades[:, None])
+    return Reach(feet, rays, (gaps - loss * model.proximity.gaps[-1]) / (1.0 - loss))
 
 
 def _tabulate(curve: ProximityCurve) -> Array:

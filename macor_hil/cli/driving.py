@@ -18,13 +18,13 @@ from macor_hil.cli.ending import Status, kept, told
 from macor_hil.cli.learning import train_map_of
 from macor_hil.cli.paths import PICTURES, check_file, check_folder
 from macor_hil.errors import MacorError
-from macor_hil.hardware.cameras.checked_camera import CheckedCamera, limits_of
+from macor_hil.hardware.cameras.checked_camera import AHEAD, CheckedCamera, limits_of
 from macor_hil.hardware.options import DeviceOptions, ProfileOptions, ZenohOptions
 from macor_hil.mind.catalogue import build_brain
 from macor_hil.mind.eyes.panorama import PanoramaEyes
 from macor_hil.mind.map_file import load_map
 from macor_hil.mind.options import AllowOptions, MindOptions
-from macor_hil.monitor.pictures import draw_trials, draw_view
+from macor_hil.monitor.pictures import draw_ahead, draw_trials, draw_view
 from macor_hil.runs.demo import (
     HARDER,
     PLANNER_IN_HARDER,
@@ -125,8 +125,16 @@ def stop(options: StopOptions) -> None:
 @app.command(epilog="[cyan]macor-hil look --picture view.png[/cyan]")
 @takes(LookOptions)
 def look(options: LookOptions) -> None:
-    """Draw what the robot sees now: mirror image, panorama, receptive fields."""
+    """Draw what the robot sees now: mirror image, panorama, receptive fields.
+
+    A robot's own camera (--camera own) looks ahead and has no more than its picture.
+    """
     check_file("--picture", options.picture, PICTURES)
+    if options.camera_address.needs_client:
+        with hardware_of(options) as hardware:
+            draw_ahead(options.picture, CheckedCamera(hardware.camera, AHEAD).grab().image)
+        typer.echo(str(options.picture))
+        return
     map_file = options.map_file
     brain = load_map(map_file, options.allow)[0] if map_file else build_brain()
     if mirror := options.measured().mirror:

@@ -92,6 +92,12 @@ LEASH = 0.15
 _SLACK_LEASH = 0.8
 """Share of the leash at which the target moves on."""
 
+_HELD_UP = 0.25
+"""Seconds between two looks from which on it is this computer that is late, and not the robot."""
+
+_LONGEST = 5.0
+"""Times the patience that a robot gets at most, however often or slowly it is looked at."""
+
 _TRAIL = 64
 _SLACK = 40
 """Counts that a wheel may be beside its way: 3 mm."""
@@ -317,10 +323,12 @@ class Driver:
         robot.go_to(*target)
         start = robot.clock()
         duration = duration_of(settings, _longest(ways))
+        elapsed, patience = 0.0, settings.patience
         while True:
             self._guard()
             proximity = robot.proximity()
-            elapsed = robot.clock() - start
+            before, elapsed = elapsed, robot.clock() - start
+            patience = min(patience + _more_time(elapsed - before), _LONGEST * settings.patience)
             if watch and is_touching(proximity, settings):
                 return proximity, True
             if elapsed < duration:
@@ -329,7 +337,7 @@ class Driver:
             if left.reached and right.reached:
                 return proximity, False
             self._check_remembered(left, right)
-            if elapsed > duration + settings.patience:
+            if elapsed > duration + patience:
                 return proximity, True
 
     def _watch(self, end: float) -> tuple[int, ...]:
@@ -354,7 +362,9 @@ class Driver:
         settings, robot = self.settings, self._robot
         longest = _longest(ways)
         robot.set_profile(*profiles_of(settings, ways))
-        end = robot.clock() + duration_of(settings, longest, leash) + settings.patience
+        looked = robot.clock()
+        arrived = looked + duration_of(settings, longest, leash)
+        end, latest = arrived + settings.patience, arrived + _LONGEST * settings.patience
         ahead = 0.0
         left = right = WheelStatus(reached=False, speed_mode=False, error=0)
         while not (ahead == longest and left.reached and right.reached):
@@ -366,7 +376,9 @@ class Driver:
             self._guard()
             proximity = robot.proximity()
             touching = watch and is_touching(proximity, settings)
-            if touching or robot.clock() > end:
+            before, looked = looked, robot.clock()
+            end = min(end + _more_time(looked - before), latest)
+            if touching or looked > end:
                 return proximity, True
             left, right = robot.status()
             self._check_remembered(left, right)
@@ -388,3 +400,11 @@ class Driver:
                     f"sent from {begin} to {self._target} and got to {counters}: the request did"
                     " not arrive as it was sent, or the robot was reset"
                 )
+
+
+def _more_time(between: float) -> float:
+    """Return seconds that a robot gets in addition where nobody looked for so long.
+
+    One that is steered from here has driven on meanwhile, and drives back.
+    """
+    return 2.0 * max(0.0, between - _HELD_UP)

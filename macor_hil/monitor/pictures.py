@@ -70,6 +70,27 @@ def trials_figure(trials: Mapping[str, tuple[Outline, Trial]]) -> Any:
     return figure
 
 
+def draw_ahead(path: Path, image: Image) -> None:
+    """Draw what a camera that looks ahead sees, enlarged.
+
+    Args:
+        path: where the PNG goes.
+        image: a picture.
+
+    Raises:
+        MacorError: Matplotlib is not installed.
+    """
+    figure_type = _figure()
+    with drawing_style():
+        figure = figure_type(figsize=(5.0, 4.0), layout="constrained")
+        axes = figure.subplots()
+        axes.imshow(image[..., ::-1])
+        axes.set_title("the robot's own camera")
+        axes.axis("off")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+
+
 def draw_view(path: Path, eyes: PanoramaEyes, image: Image) -> None:
     """Draw the robot's view and the features of its receptive fields.
 

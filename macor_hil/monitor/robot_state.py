@@ -195,10 +195,25 @@ class RobotState:
         return form_of(state.robot_kind if state is not None else USUAL_ROBOT)
 
     @property
+    def kind(self) -> str:
+        """Its kind and, where it is told, its model, for people."""
+        outline = self.emulated.outline
+        model = outline.robot_model if outline is not None else ""
+        return f"{self.form.title} ({model})" if model else self.form.title
+
+    @property
     def radius(self) -> float:
         """The radius of its body, metres."""
         outline = self.emulated.outline
         return outline.robot_radius if outline is not None else self.form.radius
+
+    @property
+    def counters(self) -> tuple[int, ...] | None:
+        """The wheels' counters: as its line tells them, or else as the driver counts."""
+        decision = self.controlled.decision
+        if self.emulated.line.counters is not None:
+            return self.emulated.line.counters
+        return decision.odometry.counters if decision else None
 
     @property
     def alive(self) -> bool:

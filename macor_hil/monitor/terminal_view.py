@@ -69,6 +69,8 @@ def render(watched: RobotState, now: float) -> RenderableType:
     if trouble := watched.not_taken.words():
         rows.add_row("trouble", Text(trouble, style="red"))
     title = f"macor-hil monitor · {printable(watched.robot)}"
+    if watched.emulated.outline:
+        title += f" · {printable(watched.kind)}"
     return Panel(rows, title=Text(title), border_style="green" if watched.alive else "dim")
 
 
@@ -119,8 +121,7 @@ def _readings(watched: RobotState) -> Sequence[int]:
 
 
 def _wheels(watched: RobotState) -> str:
-    emulated, decision = watched.emulated, watched.controlled.decision
-    counters = decision.odometry.counters if decision else emulated.line.counters
+    emulated, counters = watched.emulated, watched.counters
     parts = ["counters {} {}".format(*counters)] if counters else []
     if emulated.alive and emulated.truth:
         parts.append(

@@ -17,6 +17,7 @@ from macor_hil.commands import COMMANDS
 from macor_hil.errors import BenchError
 from macor_hil.hardware.bench import Bench
 from macor_hil.hardware.driver import DriveSettings
+from macor_hil.hardware.robots.forms import form_of
 from macor_hil.runs.trials import MAX_COMMANDS, Trial
 
 
@@ -104,8 +105,10 @@ def _oracle(bench: Bench) -> Any:
     settings = DriveSettings()
     counts = [settings.wheels.counts(each.way, each.turn) for each in COMMANDS]
     ways = [(round(left) * PULSE, round(right) * PULSE) for left, right in counts]
+    outline = bench.outline()
+    collision = form_of(outline.robot_kind).on_the_line(settings.collision)
     try:
-        return Oracle(bench.outline(), ways, bench.truth().drift, settings.collision)
+        return Oracle(outline, ways, bench.truth().drift, collision)
     except EmulatorError as error:
         raise BenchError(f"cannot tell what is possible: {error}") from None
 

@@ -15,6 +15,8 @@ from khepera_emulator.robot.kind import Berth, Console, Firmware
 
 if TYPE_CHECKING:
     from khepera_emulator.robot.epuck.robot import Robot
+    from khepera_emulator.senses.reach import Reach
+    from khepera_emulator.world.rays import Array
 
 _BUSY: Final = on_grid(50e-6)
 """Seconds between a request and its reply (a choice): the firmware waits for bytes in a loop."""
@@ -91,6 +93,12 @@ class EpuckKind:
         if robot.choices.wifi:
             return WifiFirmware(robot)
         return SerialFirmware(robot, console)
+
+    def reach(self, model: Any, count: int, shades: "Array", margin: float) -> "Reach":
+        """Return how far the front and side sensors read a count."""
+        from khepera_emulator.robot.epuck.senses.proximity import reach_of
+
+        return reach_of(model, count, shades, margin)
 
 
 KIND: Final = EpuckKind()

@@ -10,6 +10,8 @@ from khepera_emulator.robot.kind import Berth, Console
 if TYPE_CHECKING:
     from khepera_emulator.robot.khepera.firmware import Firmware
     from khepera_emulator.robot.khepera.robot import Robot
+    from khepera_emulator.senses.reach import Reach
+    from khepera_emulator.world.rays import Array
 
 
 class KheperaKind:
@@ -56,6 +58,12 @@ class KheperaKind:
         from khepera_emulator.robot.khepera.firmware import Firmware
 
         return Firmware(robot, console.on_rate, console.on_refusal)
+
+    def reach(self, model: Any, count: int, shades: "Array", margin: float) -> "Reach":
+        """Return how far the front and side sensors read a count."""
+        from khepera_emulator.senses.infrared import reach_of
+
+        return reach_of(model, count, shades, margin)
 
 
 KIND: Final = KheperaKind()

@@ -146,7 +146,7 @@ def check_size(image: Image, limits: PictureLimits) -> None:
         raise WrongPictureError(
             f"the camera gives a picture of shape {image.shape}, the mirror is described for"
             f" {width} x {height} pixels in colour; check the camera string, or calibrate with:"
-            " macor-hil camera --calibrate"
+            " macor-hil camera --calibrate; a camera that looks ahead is for --eyes front"
         )
 
 

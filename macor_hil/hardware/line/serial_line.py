@@ -16,7 +16,7 @@ from khepera_protocol.extras import how_to_install
 from khepera_protocol.serial.commands import COMMANDS
 from khepera_protocol.serial.errors import ReplyError
 from khepera_protocol.serial.framing import LINE_END
-from khepera_protocol.serial.messages import Reply, Request, parse_reply
+from khepera_protocol.serial.messages import BANNER, Reply, Request, parse_reply
 from khepera_protocol.serial.units import wire_time
 
 from macor_hil.errors import GarbageError, LinkError, SilenceError, WrongPortError
@@ -31,9 +31,6 @@ LONGEST_REPLY: Final = 64
 PATIENCE: Final = 0.25
 """Seconds beyond the wire time that a reply may take: the interpreter, an adapter that gathers
 bytes for 16 ms, and a busy computer."""
-
-BANNER: Final = (b"ROM of minirobot", b"Serial Communication Protocol")
-"""Beginnings of the lines that a Khepera says when it starts."""
 
 _LONGEST_ON_THE_WIRE: Final = 3.0
 """Seconds that a request and its reply may be on their way: at 300 baud they are all there."""

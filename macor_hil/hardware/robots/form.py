@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
+from khepera_protocol.serial.units import PULSE
 from khepera_protocol.zenoh.payloads import WireEntry
 
 REQUEST: Final = "request"
@@ -23,6 +24,7 @@ class Reading(NamedTuple):
         proximity: eight infrared readings, in the order and the scale of the driver.
         ambient: readings of ambient light, as they were told.
         counters: of both wheels, as they were told, without the wraps of short numbers.
+        recounted: whether counters are set, or begin anew with the robot.
         speed: of both wheels, as they were told.
         wanted: speeds that a request sets.
         lamps: names of lamps, and whether they shine now.
@@ -32,11 +34,15 @@ class Reading(NamedTuple):
     proximity: tuple[int, ...] | None = None
     ambient: tuple[int, ...] | None = None
     counters: tuple[int, ...] | None = None
+    recounted: bool = False
     speed: tuple[int, ...] | None = None
     wanted: tuple[int, ...] | None = None
     lamps: tuple[tuple[str, bool], ...] = ()
     battery: float | None = None
 
+
+SATURATED: Final = 1000
+"""Reading before a white wall 15 mm away, in the driver's scale."""
 
 NOTHING: Final = Reading()
 
@@ -86,6 +92,7 @@ class Form:
         bearings: where they sit and look, degrees from straight ahead, left positive.
         sensor_height: above the floor.
         response: readings before a white wall, ascending, and the gaps that give them.
+        saturated: reading on the line that is the driver's 1000.
         field_of_view: radians that a sensor sees at half of its reading.
         pulse: way of a wheel for one count, as it is told on the line.
         base: distance between the wheels.
@@ -101,6 +108,7 @@ class Form:
     bearings: tuple[float, ...]
     sensor_height: float
     response: tuple[tuple[int, float], ...]
+    saturated: int = SATURATED
     field_of_view: float
     pulse: float
     base: float
@@ -117,6 +125,17 @@ class Form:
     def farthest(self) -> float:
         """Gap from which on nothing is seen."""
         return self.response[0][1]
+
+    def in_the_drivers_counts(self, told: Reading) -> Reading:
+        """Return what a line tells, its counters as the driver counts: 0.08 mm each."""
+        if told.counters is None:
+            return told
+        counters = tuple(round(count * self.pulse / PULSE) for count in told.counters)
+        return told._replace(counters=counters)
+
+    def on_the_line(self, reading: int) -> int:
+        """Return the least reading on the line that comes to one in the driver's scale."""
+        return -(-reading * self.saturated // SATURATED)
 
     def distance(self, reading: int) -> float | None:
         """Return the gap to a white wall that gives a reading; None: nothing is seen.

@@ -50,6 +50,7 @@ class Unwrapper:
             height, width = self._shape
             raise CameraError(
                 f"the camera gives a picture of shape {image.shape}, the mirror is described for"
-                f" {width} x {height} pixels in colour; check the camera string"
+                f" {width} x {height} pixels in colour; check the camera"
+                " string; pictures of a camera that looks ahead are for --eyes front"
             )
         return np.asarray(cv2.remap(image, *self._maps, cv2.INTER_LINEAR), dtype=np.uint8)

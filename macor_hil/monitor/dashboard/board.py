@@ -109,7 +109,7 @@ class Board:
                 continue
             look = _look(other, chosen=other is watched)
             named = len(others) > 1
-            parts[f"bodies/{name}"] = arena.robot(name, where, radius, look, named=named)
+            parts[f"bodies/{name}"] = arena.robot(name, where, other.radius, look, named=named)
         return parts
 
     def _camera(self, watched: RobotState, now: float) -> Parts:

@@ -130,11 +130,12 @@ class _DrivenRobot:
         """
         proximity = self._rolling.look()
         self._hear()
+        counted = self._robot.clock()  # what is asked besides takes its time
         told = Reading(proximity=proximity, counters=self._rolling.roll())
         if (now := time.monotonic()) - self._asked_battery > _BATTERY:
             self._asked_battery = now
             told = told._replace(battery=self._robot.battery())
-        self._bridge.sense(told, self._robot.clock())
+        self._bridge.sense(told, counted)
         while self._bridge.forward(0.0) and time.monotonic() - now < _A_MOMENT:
             pass
 

@@ -8,14 +8,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from khepera_protocol.serial.units import PULSE
 from khepera_protocol.zenoh.controller_payloads import Decision, Learned, Link, State
 from khepera_protocol.zenoh.keys import CAMERA, CONTROLLER, FRAME, PAYLOADS
 from khepera_protocol.zenoh.payloads import USUAL_ROBOT, Outline, Truth, Wire
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from macor_hil.hardware.cameras.decoding import check_picture, decode_picture
-from macor_hil.hardware.odometry import Wheels, integrate
+from macor_hil.hardware.odometry import Wheels
 from macor_hil.hardware.robots.form import Form, Reading
 from macor_hil.hardware.robots.forms import form_of
 from macor_hil.telemetry.feed import Arrival, Event, Presence
@@ -86,10 +85,9 @@ class RosTopics:
     kind: str = USUAL_ROBOT
 
     def __post_init__(self) -> None:
-        self._where = Whereabouts()
+        self._where = Whereabouts(self.wheels)
         self._lines = WireLines()
         self._controlled = False
-        self._counted: tuple[int, int] | None = None
         self._before: moving.Timed | None = None
         self._sequence = -1
         self._size = (0, 0)
@@ -132,7 +130,8 @@ class RosTopics:
     def _meet(self, presence: Presence) -> None:
         if presence.side == CONTROLLER:
             self._controlled = presence.alive
-            self._state = self._link = self._counted = None
+            self._state = self._link = None
+            self._where.lose_count()
 
     def _see(self, arrival: Arrival, now: int) -> Iterator[Told]:
         if arrival.leaf == CAMERA.leaf and self._controlled:
@@ -164,16 +163,13 @@ class RosTopics:
             case Wire():
                 self.kind = payload.robot_kind
                 for passed in self._lines.take(payload):
-                    yield from self._hear(passed.reading, payload.entries[-1].time, now)
+                    yield from self._hear(passed.reading, passed.time, now)
 
     def _hear(self, told: Reading, when: float, now: int) -> Iterator[Told]:
         """Yield what passed on the line; where a controller drives, it tells the rest itself."""
         if self._controlled:
             told = Reading(battery=told.battery)
-        if told.counters is not None:
-            left, right = (round(each * self._form.pulse / PULSE) for each in told.counters)
-            told = told._replace(counters=(left, right))
-        yield from self.sense(told, when, now)
+        yield from self.sense(self._form.in_the_drivers_counts(told), when, now)
 
     def _decide(self, decision: Decision, now: int) -> Iterator[Told]:
         self._where.decide(decision)
@@ -200,12 +196,10 @@ class RosTopics:
             yield from self._infrared(told.proximity, now)
         if told.battery is not None:
             yield BATTERY, sensing.battery(told.battery, self._form, now, self.frames)
+        if told.recounted:
+            self._where.lose_count()
         if told.counters is not None:
-            left, right = told.counters
-            counted = self._counted or (left, right)
-            here = self._where.odometry
-            self._where.odometry = integrate(here, counted, (left, right), self.wheels)
-            self._counted = left, right
+            self._where.count(told.counters)
             yield from self._move((when, self._where.odometry), now)
 
     def _move(self, here: moving.Timed, now: int) -> Iterator[Told]:

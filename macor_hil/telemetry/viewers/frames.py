@@ -4,7 +4,7 @@ One tree: in the arena lies the frame of the odometry, in that the robot. Where 
 truth, both begin as one. What the odometry lacks of the truth moves its frame, not the robot.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import cos, sin
 from typing import Final
 
@@ -12,6 +12,7 @@ from khepera_protocol.zenoh.controller_payloads import Ahead, Decision, Learned
 from khepera_protocol.zenoh.payloads import Pose
 
 from macor_hil.commands import COMMANDS
+from macor_hil.hardware.odometry import Wheels, integrate
 
 HERE: Final = Pose(x=0.0, y=0.0, heading=0.0)
 
@@ -52,18 +53,23 @@ def _unbounded(x: float, y: float, heading: float) -> Pose:
 class Whereabouts:
     """The latest poses of one robot, by its truth and by its odometry.
 
+    Args:
+        wheels: that the driver's counts are counted with; None: as they should be.
+
     Attributes:
         truth: in the arena; None where nobody knows it.
         odometry: by its encoders.
         start: of the latest decision, in the frame of the odometry.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, wheels: Wheels | None = None) -> None:
         self.truth: Pose | None = None
         self.odometry = HERE
         self.start = HERE
         self._commands = {each.name: (each.turn, each.way) for each in COMMANDS}
         self._last: int | None = None
+        self._wheels = wheels or Wheels()
+        self._counted: tuple[float, float] | None = None
 
     @property
     def origin(self) -> Pose:
@@ -83,6 +89,16 @@ class Whereabouts:
             self.start = seen_from(decision.odometry.pose, turned_round(driven))
         self._last = decision.sequence
         self.odometry = decision.odometry.pose
+
+    def count(self, counters: Sequence[int]) -> None:
+        """Take in both counters of the driver's, where no decision tells the odometry."""
+        left, right = counters
+        before, self._counted = self._counted or (left, right), (left, right)
+        self.odometry = integrate(self.odometry, before, self._counted, self._wheels)
+
+    def lose_count(self) -> None:
+        """Begin to count anew with the next counters: they were set, or somebody else drives."""
+        self._counted = None
 
     def way(self, ahead: Iterable[Ahead]) -> list[Pose]:
         """Return the poses of hypothetical commands from the latest decision on, its own first.

@@ -4,7 +4,7 @@ The same topics as in a recording (`viewers.topics`), while they happen. Nothing
 has any effect. Needs the extra 'foxglove'.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
@@ -14,7 +14,7 @@ from foxglove.websocket import ChannelView, Client, ServerListener
 
 from macor_hil.errors import TelemetryError
 from macor_hil.telemetry.feed import Feed, Loss, NotTaken, Refusal
-from macor_hil.telemetry.viewers.topics import Told, Topics
+from macor_hil.telemetry.viewers.topics import Form, Told, Topics
 
 _LOOK: Final = 0.2
 """Seconds to wait for an event."""
@@ -42,7 +42,10 @@ def show(
         TelemetryError: the name cannot be part of a key, or nothing can listen there.
     """
     topics, not_taken = Topics(robot), NotTaken()
-    with Feed(session, robot, camera=True) as feed, _serving(robot, host, port) as (channels, url):
+    with (
+        Feed(session, robot, camera=True) as feed,
+        _serving(robot, host, port, topics.all()) as (channels, url),
+    ):
         ready(url)
         try:
             while True:
@@ -58,30 +61,30 @@ def show(
 
 
 class _Channels(ServerListener):
-    """The channels of one server, made as their first messages come."""
+    """The channels of one server.
 
-    def __init__(self) -> None:
+    All are there before a viewer is: of one that is made while viewers look on, each would miss
+    the message that it is made for, and the library refuses a subscription that comes at once.
+    """
+
+    def __init__(self, topics: Iterable[tuple[str, Form]]) -> None:
         self.context = foxglove.Context()
-        self._channels: dict[str, foxglove.Channel] = {}
+        self._channels = {topic: self._channel(topic, form) for topic, form in topics}
         self._latest: dict[str, Told] = {}
         self._now = 0
 
     def log(self, told: Told) -> None:
         """Tell a message to all who have subscribed to its topic."""
-        channel = self._channels.get(told.topic)
-        if channel is None:
-            form = told.form
-            schema = foxglove.Schema(
-                name=form.name, encoding=form.schema_encoding, data=form.schema
-            )
-            channel = foxglove.Channel(
-                told.topic, schema=schema, message_encoding=form.encoding, context=self.context
-            )
-            self._channels[told.topic] = channel
         if told.topic.rpartition("/")[2] in _LASTING:
             self._latest[told.topic] = told
         self._now = told.time
-        channel.log(told.data, log_time=told.time)
+        self._channels[told.topic].log(told.data, log_time=told.time)
+
+    def _channel(self, topic: str, form: Form) -> foxglove.Channel:
+        schema = foxglove.Schema(name=form.name, encoding=form.schema_encoding, data=form.schema)
+        return foxglove.Channel(
+            topic, schema=schema, message_encoding=form.encoding, context=self.context
+        )
 
     def on_subscribe(self, _: Client, channel: ChannelView) -> None:
         """Tell again what lasts; in a thread of the library."""
@@ -91,8 +94,10 @@ class _Channels(ServerListener):
 
 
 @contextmanager
-def _serving(robot: str, host: str, port: int) -> Iterator[tuple[_Channels, str]]:
-    channels = _Channels()
+def _serving(
+    robot: str, host: str, port: int, topics: Iterable[tuple[str, Form]]
+) -> Iterator[tuple[_Channels, str]]:
+    channels = _Channels(topics)
     try:
         server = foxglove.start_server(
             name=f"macor-hil {robot}",

@@ -20,14 +20,14 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.message import Message
 from khepera_protocol.text import printable
 from khepera_protocol.zenoh.controller_payloads import Decision, Learned, State
-from khepera_protocol.zenoh.keys import PAYLOADS
+from khepera_protocol.zenoh.keys import CONTROLLER, PAYLOADS
 from khepera_protocol.zenoh.payload_model import Payload, PayloadError
 from khepera_protocol.zenoh.payloads import USUAL_ROBOT, Outline, Pose, Truth, Wire
 
-from macor_hil.hardware.robots.form import REPLY, REQUEST, Form, Passed
+from macor_hil.hardware.robots.form import REPLY, REQUEST, Form, Passed, Reading
 from macor_hil.hardware.robots.forms import form_of
 from macor_hil.hardware.robots.robot import FULL
-from macor_hil.telemetry.feed import Arrival, Event
+from macor_hil.telemetry.feed import Event, Presence
 from macor_hil.telemetry.viewers.frames import HERE, Whereabouts
 from macor_hil.telemetry.viewers.prisms import Place, prism
 from macor_hil.telemetry.viewers.wire_lines import WireLines
@@ -53,10 +53,28 @@ _SHELL: Final = (0.25, 0.25, 0.3, 1.0)
 _NOSE: Final = (1.0, 0.8, 0.1, 1.0)
 
 
+SCENES: Final[dict[str, type[Message]]] = {
+    "arena": SceneUpdate,
+    "robot": SceneUpdate,
+    "infrared": SceneUpdate,
+    "plan": SceneUpdate,
+    "way": SceneUpdate,
+    "transform": FrameTransform,
+    "pose": PoseInFrame,
+    "odometry": PoseInFrame,
+    "wire": Log,
+}
+"""Last parts of the topics that a scene is drawn on, and their messages."""
+
+
 class Scene:
-    """Draws the events of one robot, in their order."""
+    """Draws the events of one robot, in their order.
+
+    What passes on its line tells its sensors where no controller does, whoever asks for them.
+    """
 
     def __init__(self) -> None:
+        self._controlled = False
         self._where = Whereabouts()
         self._lines = WireLines()
         self._form = form_of(USUAL_ROBOT)
@@ -70,7 +88,8 @@ class Scene:
             event: what happened.
             now: time that they carry, ns since 1970.
         """
-        if not isinstance(event, Arrival):
+        if isinstance(event, Presence):
+            self._meet(event)
             return
         kind = PAYLOADS.get((event.side, event.leaf))
         if kind is None:
@@ -93,7 +112,7 @@ class Scene:
             case Truth():
                 where.truth = payload.pose
                 yield "pose", _pose(ARENA, payload.pose)
-                yield "transform", _transform(ARENA, ODOMETRY, where.origin)
+                yield from self._tree()
                 yield from self._driven(payload.pose)
             case Outline():
                 self._form, self._radius = form_of(payload.robot_kind), payload.robot_radius
@@ -103,20 +122,51 @@ class Scene:
                 self._take_kind(payload.robot_kind)
             case Decision():
                 where.decide(payload)
-                if where.truth is not None:
-                    yield "transform", _transform(ARENA, ODOMETRY, where.origin)
-                yield "transform", _transform(ODOMETRY, ROBOT, where.odometry)
-                yield "odometry", _pose(ODOMETRY, where.odometry)
+                yield from self._moved()
                 yield "robot", _update(_robot(self._form, self._radius))
                 yield "infrared", _update(_infrared(payload.infrared, self._form, self._radius))
                 yield "plan", _update(*self._plan(payload))
-                if where.truth is None:
-                    yield from self._driven(where.odometry)
             case Wire():
-                for message in _logs(self._lines.take(payload)):
+                self._take_kind(payload.robot_kind)
+                passed = list(self._lines.take(payload))
+                for message in _logs(passed):
                     yield "wire", message
+                if not self._controlled:
+                    yield from self._told([each.reading for each in passed])
             case Learned():
                 where.learn(payload)
+
+    def _meet(self, presence: Presence) -> None:
+        if presence.side == CONTROLLER:
+            self._controlled = presence.alive
+            self._where.lose_count()
+
+    def _tree(self) -> Iterator[tuple[str, Message]]:
+        where = self._where
+        if where.truth is not None:
+            yield "transform", _transform(ARENA, ODOMETRY, where.origin)
+        yield "transform", _transform(ODOMETRY, ROBOT, where.odometry)
+
+    def _moved(self) -> Iterator[tuple[str, Message]]:
+        yield from self._tree()
+        yield "odometry", _pose(ODOMETRY, self._where.odometry)
+        if self._where.truth is None:
+            yield from self._driven(self._where.odometry)
+
+    def _told(self, readings: Sequence[Reading]) -> Iterator[tuple[str, Message]]:
+        """Yield what readings that came together come to: the latest infrared, and the way."""
+        counted, seen = False, None
+        for told in map(self._form.in_the_drivers_counts, readings):
+            if told.recounted:
+                self._where.lose_count()
+            if told.counters is not None:
+                self._where.count(told.counters)
+                counted = True
+            seen = told.proximity or seen
+        if counted:
+            yield from self._moved()
+        if seen is not None:
+            yield "infrared", _update(_infrared(seen, self._form, self._radius))
 
     def _take_kind(self, kind: str) -> None:
         """Take in which kind of robot it is, where no arena tells its size."""

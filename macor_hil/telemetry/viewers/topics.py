@@ -11,14 +11,14 @@ from typing import Final, NamedTuple
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import Message as Protobuf
-from khepera_protocol.zenoh.keys import ALIVE, KEYS_BY_PLACE, Key, schema_name
+from khepera_protocol.zenoh.keys import ALIVE, KEYS, KEYS_BY_PLACE, Key, schema_name
 from khepera_protocol.zenoh.payload_model import Payload
 from khepera_protocol.zenoh.payloads import Stamp
 from khepera_protocol.zenoh.schema import schema_of
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from macor_hil.telemetry.feed import Arrival, Event, Presence
-from macor_hil.telemetry.viewers.scene import Scene
+from macor_hil.telemetry.viewers.scene import SCENES, Scene
 
 _SECOND: Final = 1_000_000_000
 
@@ -70,6 +70,18 @@ class Topics:
         self._scene = Scene()
         self._forms: dict[str, Form] = {}
         self._now = 0
+
+    def all(self) -> Iterator[tuple[str, Form]]:
+        """Yield all topics that there may be messages on, and the form of these."""
+        for key in KEYS:
+            if key in ALIVE.values():
+                yield key.of(self._robot), self._json(key, Alive)
+            elif key.payload and not key.acts:
+                yield key.of(self._robot), self._json(key, key.payload)
+            elif key.published:
+                yield key.of(self._robot), self._protobuf(CompressedImage())
+        for leaf, kind in SCENES.items():
+            yield f"foxglove/{self._robot}/{leaf}", self._protobuf(kind())
 
     def tell(self, event: Event) -> Iterator[Told]:
         """Yield the messages of an event: its sample, and what is drawn of it."""

@@ -10,6 +10,9 @@ from khepera_protocol.serial.commands import COMMANDS, TOOLS, Beyond, Command, F
 from khepera_protocol.serial.errors import ReplyError, RequestError
 from khepera_protocol.serial.framing import LINE_END
 
+BANNER: Final = (b"ROM of minirobot", b"Serial Communication Protocol")
+"""Beginnings of the lines that a Khepera says when it starts."""
+
 COMMAND_NOT_FOUND: Final = "Command not found"
 """Answer to an unknown word, a lone blank, or garbage (seen on a real robot, ROM 5.01)."""
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from khepera_emulator.arenas.arena import Lamp
 from khepera_emulator.robot.epuck.models import EpuckModel
+from khepera_emulator.senses.reach import Reach
 from khepera_emulator.world.floor_plan import Scene
 from khepera_emulator.world.rays import Array
 
@@ -24,6 +25,9 @@ _PENALTY = 7.2e-6 * np.degrees(_FAN) ** 2
 
 _BLACK = 0.25
 """Part of a white wall's response that a black one gives: seen from half as far (a choice)."""
+
+_FRONT = (0, 1, 2, 5, 6, 7)
+"""Numbers of the sensors that face where the robot can drive to; the two others look back."""
 
 _SAMPLES = 100
 """Scans that a zero is the mean of."""
@@ -56,10 +60,7 @@ class Ring:
         self._gaps = np.array(model.proximity.gaps)
         self._counts = np.array(model.proximity.counts[0], dtype=float)
         self._sight = model.radius + self._gaps[-1]
-        bearings = np.array(model.sensor_bearings)
-        self._feet = model.radius * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
-        looks = np.array(model.sensor_directions)[:, None] + _FAN
-        self._rays = np.stack([np.cos(looks), np.sin(looks)], axis=2)
+        self._feet, self._rays = _fans(model)
         self._noise = _normals(noise)
         self._light = _normals(light)
 
@@ -135,6 +136,25 @@ class Ring:
         if blocked[0] < distance:
             return 0.0
         return float(lamp.power * facing * (_NEAR_LAMP / distance) ** 2)
+
+
+def reach_of(model: EpuckModel, count: int, shades: Array, margin: float) -> Reach:
+    """Return how far the front and side sensors read a count; see `robot.kind.Kind.reach`."""
+    feet, rays = (part[list(_FRONT)] for part in _fans(model))
+    # what a solid reflects less than a white wall, the response must make up for
+    wanted = count / (_BLACK + (1.0 - _BLACK) * shades)
+    response = np.array(model.proximity.counts[0])
+    gaps = np.interp(wanted, response[::-1], model.proximity.gaps[::-1], right=-np.inf)
+    lengths = gaps[:, None] + margin - np.tile(_PENALTY, len(_FRONT))
+    return Reach(np.repeat(feet, len(_FAN), axis=0), rays.reshape(-1, 2), lengths)
+
+
+def _fans(model: EpuckModel) -> tuple[Array, Array]:
+    """Return where the sensors sit, shape (8, 2), and their rays' directions, shape (8, 5, 2)."""
+    bearings = np.array(model.sensor_bearings)
+    feet = model.radius * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    looks = np.array(model.sensor_directions)[:, None] + _FAN
+    return feet, np.stack([np.cos(looks), np.sin(looks)], axis=2)
 
 
 def _normals(rng: np.random.Generator, block: int = 64) -> Iterator[list[float]]:

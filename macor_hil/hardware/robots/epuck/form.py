@@ -6,7 +6,7 @@ from typing import Final
 from khepera_protocol.epuck.units import BODY_RADIUS, STEP, WHEEL_BASE
 
 from macor_hil.hardware.robots.epuck.listener import listener
-from macor_hil.hardware.robots.epuck.readings import BEARINGS, scaled
+from macor_hil.hardware.robots.epuck.readings import BEARINGS, NEAR, scaled
 from macor_hil.hardware.robots.form import Form
 
 _RESPONSE: Final = (*((67, 70), (104, 60), (120, 50), (158, 40), (235, 30), (384, 20), (600, 15)),)
@@ -29,6 +29,7 @@ EPUCK: Final = Form(
     bearings=BEARINGS,
     sensor_height=0.034,  # the vendor's ROS driver
     response=tuple((scaled(raw), gap / 1000) for raw, gap in _RESPONSE),
+    saturated=NEAR,
     field_of_view=radians(15.0),  # the vendor's ROS driver
     pulse=STEP,
     base=WHEEL_BASE,

@@ -50,6 +50,12 @@ _GIVEN_UP: Final = 2.0
 _CUT: Final = "…"
 """End of an entry of which the rest was too long to be told."""
 
+_RECOUNT: Final = "PR"
+"""Letters of requests that set the step counters."""
+
+_SHORT: Final = 16
+"""Bits of counters in binary, and of those of an e-puck in text."""
+
 _RING: Final = 8
 _OTHERS: Final = {8: "body", 9: "front"}
 _WELCOME: Final = GREETING[:9]
@@ -186,11 +192,14 @@ class SerialListener(_ByteListener):
             self._waiting.append(_Asked(text, time, line))
         drives = letter == "D"
         asks = not self._numbers(line) and letter not in "KRS"
-        told = Reading(wanted=self._pair(line)) if drives else NOTHING
-        lamps = self._switched(line)
-        return Passed(
-            REQUEST, text, time, asks=asks, drives=drives, reading=told._replace(lamps=lamps)
+        if letter in _RECOUNT:
+            self._counting = Counting()
+        told = Reading(
+            wanted=self._pair(line) if drives else None,
+            lamps=self._switched(line),
+            recounted=letter in _RECOUNT,
         )
+        return Passed(REQUEST, text, time, asks=asks, drives=drives, reading=told)
 
     def _binary(self, time: float) -> Passed:
         row, self._row = self._row, []
@@ -216,7 +225,8 @@ class SerialListener(_ByteListener):
             if (at := said.find(_WELCOME)) >= 0:
                 del said[: at + len(_WELCOME)]
                 self._waiting.clear()
-                yield Passed(REPLY, _HELLO, time)
+                self._counting = Counting()
+                yield Passed(REPLY, _HELLO, time, reading=Reading(recounted=True))
                 continue
             head = self._waiting[0] if self._waiting else None
             if head is not None and head.row:
@@ -284,9 +294,9 @@ class SerialListener(_ByteListener):
             case "O":
                 return Reading(ambient=values)
             case "Q":
-                self._counting = Counting()
-                self._counting.take(values)
-                return Reading(counters=values)
+                if self._generation.bits > _SHORT:
+                    self._counting = Counting()
+                return Reading(counters=self._counting.take(values))
             case "E":
                 return Reading(speed=values)
             case "b":
@@ -326,11 +336,16 @@ class SerialListener(_ByteListener):
         for command in row:
             if command.code.name == "D":
                 found = found._replace(wanted=_signed(command.parameters))
+            elif command.code.name in _RECOUNT:
+                found = found._replace(recounted=True)
             elif command.code.name == "L":
                 lamps = self._lamp(command.parameters[0], command.parameters[1])
                 found = found._replace(lamps=found.lamps + lamps)
             elif command.code.byte == ALL_ACTUATORS:
-                found = actuated(Actuators.unpack(command.parameters))
+                told = actuated(Actuators.unpack(command.parameters))
+                found = told._replace(recounted=told.recounted or found.recounted)
+        if found.recounted:
+            self._counting = Counting()
         return found
 
     def _switched(self, line: Line) -> tuple[tuple[str, bool], ...]:
@@ -387,6 +402,8 @@ class WifiListener(_ByteListener):
                 both = request.pictures and request.sensors
                 self._waiting.append((text, both))
                 told = actuated(request.actuators)
+                if told.recounted:
+                    self._counting = Counting()
                 yield Passed(
                     REQUEST, text, time, asks=True, drives=told.wanted is not None, reading=told
                 )
@@ -428,7 +445,8 @@ def actuated(actuators: Actuators) -> Reading:
     """Return what a packet of all actuators sets."""
     steps = Behaviour.STEPS in actuators.behaviour
     lamps = tuple((_named(name), bool(actuators.leds >> k & 1)) for k, name in enumerate(LEDS))
-    return Reading(wanted=None if steps else actuators.wheels, lamps=lamps)
+    wanted = None if steps else actuators.wheels
+    return Reading(wanted=wanted, lamps=lamps, recounted=steps)
 
 
 def _named(led: str) -> str:

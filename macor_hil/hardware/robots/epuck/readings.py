@@ -7,6 +7,7 @@ from khepera_protocol.epuck.letters import wrapped
 from khepera_protocol.epuck.units import SENSOR_BEARINGS, battery_volts
 
 from macor_hil.arrays import Image
+from macor_hil.hardware.robots.form import SATURATED
 
 _ORDER: Final = (5, 6, 7, 0, 1, 2, 3, 4)
 """An e-puck's sensors from the left over the front to the back right and left."""
@@ -18,7 +19,6 @@ NEAR: Final = 600
 """Reading before a white wall at 15 mm, at which a Khepera's sensor is saturated."""
 
 _FULL: Final = 1023
-_SATURATED: Final = 1000
 
 _EMPTY, _CHARGED = (2070, 3.4), (2560, 4.2)
 """Readings of an e-puck's battery, hardware 1.3, and the volts that they stand for."""
@@ -26,12 +26,12 @@ _EMPTY, _CHARGED = (2070, 3.4), (2560, 4.2)
 
 def scaled(raw: int) -> int:
     """Return an infrared reading in the driver's scale."""
-    return min(raw * _SATURATED // NEAR, _FULL)
+    return min(raw * SATURATED // NEAR, _FULL)
 
 
 def proximity_of(raw: tuple[int, ...]) -> tuple[int, ...]:
     """Return the eight infrared readings in the driver's scale and order."""
-    return tuple([min(raw[k] * _SATURATED // NEAR, _FULL) for k in _ORDER])
+    return tuple([min(raw[k] * SATURATED // NEAR, _FULL) for k in _ORDER])
 
 
 def volts_of(raw: int, *, second: bool) -> float | None:

@@ -7,6 +7,7 @@ from typing import Final
 from khepera_protocol.serial.commands import COMMANDS
 from khepera_protocol.serial.errors import ReplyError, RequestError
 from khepera_protocol.serial.messages import (
+    BANNER,
     COMMAND_NOT_FOUND,
     Reply,
     Request,
@@ -24,6 +25,9 @@ _DRIVES: Final = frozenset("CDP")
 
 _ASKS: Final = frozenset("BEHIKNOR")
 """Letters of requests that only ask."""
+
+_RECOUNTS: Final = "G"
+"""Letter of the request that sets the position counters."""
 
 _LAMPS: Final = "lateral", "frontal"
 _TOGGLE: Final = 2
@@ -70,17 +74,26 @@ class KheperaListener:
         self._waiting.append(line)
         letter = line[:1].decode("latin-1")
         drives = letter in _DRIVES and line[1:2] == b","
-        return Passed(REQUEST, printable(line, _LONGEST), time, asks=letter in _ASKS, drives=drives)
+        return Passed(
+            REQUEST,
+            printable(line, _LONGEST),
+            time,
+            asks=letter in _ASKS,
+            drives=drives,
+            reading=Reading(recounted=letter == _RECOUNTS),
+        )
 
     def _reply(self, line: bytes, time: float) -> Passed:
         asked = next((each for each in self._waiting if _answers(line, each)), None)
         text = printable(line, _LONGEST)
+        started = Reading(recounted=line.startswith(BANNER))
         if asked is None:
-            return Passed(REPLY, text, time)
+            return Passed(REPLY, text, time, reading=started)
         while self._waiting.popleft() is not asked:
             pass  # those before it got no answer
         answered = printable(asked, _LONGEST)
-        return Passed(REPLY, text, time, answers=answered, reading=self._read(asked, line))
+        told = started if started.recounted else self._read(asked, line)
+        return Passed(REPLY, text, time, answers=answered, reading=told)
 
     def _read(self, asked: bytes, line: bytes) -> Reading:
         try:

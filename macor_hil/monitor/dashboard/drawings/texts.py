@@ -71,7 +71,7 @@ def of_the_robot(watched: RobotState) -> list[Row]:
     """Return what is known of a robot's wheels, lamps and place, from whoever tells it."""
     line, truth = watched.emulated.line, watched.emulated.truth
     gone = not watched.emulated.alive
-    found = []
+    found = [Row("kind", watched.kind, gone)] if watched.emulated.outline else []
     if truth:
         left, right = (0 if gone else round(1000 * speed) for speed in truth.speed)
         found.append(Row("wheels", f"{left} and {right} mm/s", gone))
@@ -79,7 +79,7 @@ def of_the_robot(watched: RobotState) -> list[Row]:
         found.append(Row("speeds set", "{} and {}".format(*line.wanted), gone))
     if line.speed and not truth:
         found.append(Row("speeds read", "{} and {}".format(*line.speed), gone))
-    if counters := _counters(watched):
+    if counters := watched.counters:
         found.append(Row("counters", "{} and {}".format(*counters), gone and not watched.alive))
     if line.lamps:
         lit = [f"{name} {'on' if shines else 'off'}" for name, shines in line.lamps.items()]
@@ -95,13 +95,6 @@ def of_the_robot(watched: RobotState) -> list[Row]:
         if truth.faults:
             found.append(Row("faults", ", ".join(truth.faults), gone))
     return found
-
-
-def _counters(watched: RobotState) -> tuple[int, ...] | None:
-    decision = watched.controlled.decision
-    if watched.emulated.line.counters:
-        return watched.emulated.line.counters
-    return decision.odometry.counters if decision else None
 
 
 def health(watched: RobotState, now: float) -> list[Row]:
