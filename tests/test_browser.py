@@ -3,8 +3,12 @@
 import json
 import re
 import shutil
+import ssl
 import subprocess
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -380,11 +384,42 @@ def certificate(tmp_path: Path) -> tuple[Path, Path]:
 
 OPENS = """
 const [address, done] = arguments;
+// what the page's own policy forbids is never sent, and never closed
+document.addEventListener("securitypolicyviolation", () => done("kept in"));
 const socket = new WebSocket(address);
-socket.onopen = () => done(true);
-socket.onclose = () => done(false);
+socket.onopen = () => done("open");
+socket.onclose = () => done("closed");
 """
-"""Tells whether a WebSocket of the present page is let in."""
+"""Tells whether a WebSocket of the present page is let in, or even gets out of the page."""
+
+
+class Elsewhere(BaseHTTPRequestHandler):
+    """A page that may connect to anything, of another program on this machine."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<!doctype html>elsewhere")
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@contextmanager
+def elsewhere(certificate: tuple[Path, Path]) -> Iterator[str]:
+    """Serve a page of another program over TLS; gives its address."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(*certificate)
+    with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        server.socket = context.wrap_socket(server.socket, server_side=True)
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+        thread.start()
+        try:
+            yield f"https://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 @pytest.mark.long
@@ -405,7 +440,8 @@ def test_a_page_over_tls_shows_live_data_to_who_knows_the_password(
         assert address.startswith("https://127.0.0.1:")
         live = f"{address.replace('https', 'wss')}/live"
         visit(browser, f"{address}/login")
-        assert not browser.execute_async_script(OPENS, live)  # its own page, without the password
+        # its own page, without the password
+        assert browser.execute_async_script(OPENS, live) == "closed"
         log_in(browser, "wrong")
         until(browser, says("That is not the password"))
         assert not browser.get_cookies()
@@ -417,11 +453,16 @@ def test_a_page_over_tls_shows_live_data_to_who_knows_the_password(
             player.publish(event)
         until(browser, says("driving, 1 of 40 commands"))
         until(browser, lambda driver: driver.execute_script(PAINTED))
-        assert browser.execute_async_script(OPENS, live)
-        # from a page of elsewhere, in the browser that has the cookie
-        with dashboard("--connect", free_endpoint()) as other:
+        assert browser.execute_async_script(OPENS, live) == "open"
+        # its own page, to another program
+        with elsewhere(certificate) as other:
+            there = other.replace("https", "wss")
+            assert browser.execute_async_script(OPENS, there) == "kept in"
+            # from a page of elsewhere, which the browser sends the cookie for: cookies know no port
             visit(browser, other)
-            assert not browser.execute_async_script(OPENS, live)
+            until(browser, says("elsewhere"))
+            assert [each["name"] for each in browser.get_cookies()] == [cookie["name"]]
+            assert browser.execute_async_script(OPENS, live) == "closed"
         # by another name that leads here
         visit(browser, address.replace("127.0.0.1", "lab.test"))
         until(browser, says("not for this page or name"))
