@@ -7,21 +7,24 @@ import ssl
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import combinations
 from pathlib import Path
 
 import pytest
 import zenoh
-from as_type import not_none
-from controller_helpers import a_decision, free_endpoint, wait_until_watched
+from as_type import as_type, not_none
+from controller_helpers import a_decision, a_state, free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
-from khepera_protocol.zenoh.keys import CONTROLLER
-from khepera_protocol.zenoh.payloads import Reset
+from khepera_protocol.zenoh.controller_payloads import Phase
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
+from khepera_protocol.zenoh.payloads import Outline, Reset
 from selenium.webdriver import Chrome
 from watching_helpers import a_life, json_event, truth
 
 from macor_hil.monitor.dashboard.passwords import hash_password
+from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival
 from macor_hil.telemetry.recordings.player import Player
 from macor_hil.telemetry.session import open_session
@@ -355,6 +358,60 @@ def test_a_robot_is_placed_with_the_mouse(browser: Chrome) -> None:
             until(browser, says("khepera stands at x 30.0 cm, y 0.0 cm"))
     (reset,) = asked
     assert not_none(reset.pose).heading == pytest.approx(1.5708, abs=0.01)
+
+
+NAMES = """
+return [...document.querySelectorAll("#bodies text")].map((e) => {
+  const { left, right, top, bottom } = e.getBoundingClientRect();
+  return [left, right, top, bottom];
+});
+"""
+
+
+def test_names_of_robots_that_stand_close_can_all_be_read(browser: Chrome) -> None:
+    endpoint = free_endpoint()
+    room = as_type(Outline, EXAMPLES[Outline]).model_copy(update={"world": "of three"})
+    size(browser, 1280, 800)
+    with (
+        open_session([endpoint], []) as session,
+        dashboard("--connect", endpoint) as address,
+        ExitStack() as stack,
+    ):
+        for k in range(3):
+            player = stack.enter_context(Player(session, f"khepera-{k}"))
+            player.publish(a_life()[0])
+            player.publish(json_event(EMULATOR, "arena", room, 0.1))
+            player.publish(json_event(EMULATOR, "truth", truth(0.2, 0.1 + 0.06 * k), 0.2))
+        visit(browser, address)
+        until(browser, shows("#bodies text", 3))
+        boxes = browser.execute_script(NAMES)
+        for first, second in combinations(boxes, 2):
+            apart = first[1] <= second[0] or second[1] <= first[0]
+            assert apart or first[3] <= second[2] or second[3] <= first[2]
+
+
+REASON = "no answer from the robot at rfc2217://127.0.0.1:4003 in 0.6 s; " * 8
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+def test_the_reason_of_a_failure_is_read_in_full(browser: Chrome, width: int) -> None:
+    endpoint = free_endpoint()
+    size(browser, width, 800)
+    with (
+        open_session([endpoint], []) as session,
+        dashboard("--connect", endpoint, "--robot", "khepera") as address,
+        Player(session, "khepera") as player,
+    ):
+        for event in a_life()[:6]:
+            player.publish(event)
+        failed = a_state(Phase.FAILED, reason=REASON)
+        player.publish(json_event(CONTROLLER, "state", failed, 0.8))
+        visit(browser, address)
+        until(browser, says(REASON.strip()))
+        assert browser.find_element("id", "driver").text == "controller failed, 3 of 40 commands"
+        assert browser.find_element("id", "driver").size["height"] < 30  # one line
+        assert measures(browser)[0] <= width
+        assert width == 400 or measures(browser)[1] == 800
 
 
 @pytest.mark.long

@@ -14,6 +14,56 @@ export function put(parts, special) {
     else if (name.includes("/")) child(name, part);
     else if (at(name)) at(name).innerHTML = part ?? "";
   }
+  if (Object.keys(parts).some((name) => name.startsWith("bodies/"))) nameRobots();
+}
+
+// Where a robot's name may stand: x and y in radii of the body, shift of the text, and its anchor.
+const SIDES = {
+  below: [0, 1, "0", "1.2em", "middle"],
+  above: [0, -1, "0", "-0.5em", "middle"],
+  right: [1, 0, "0.4em", "0.35em", "start"],
+  left: [-1, 0, "-0.4em", "0.35em", "end"],
+};
+const sides = new Map(); // where each robot's name stood last
+
+// Names of robots that stand close make way for each other, and stay where they are if they can.
+function nameRobots() {
+  const robots = [...document.querySelectorAll("#bodies > g")];
+  const taken = robots.map((robot) => robot.querySelector("circle").getBoundingClientRect());
+  for (const robot of robots) {
+    const text = robot.querySelector("text");
+    if (!text) continue;
+    const last = sides.get(robot.dataset.key) ?? "below";
+    const found = [last, ...Object.keys(SIDES)]
+      .map((side) => ({ side, hidden: hidden(stand(text, robot, side), taken) }))
+      .reduce((best, each) => (each.hidden < best.hidden ? each : best));
+    sides.set(robot.dataset.key, found.side);
+    taken.push(stand(text, robot, found.side));
+  }
+}
+
+function stand(text, robot, side) {
+  const radius = Number(robot.querySelector("circle").getAttribute("r"));
+  const [, x, y] = robot.querySelector("g[transform]").getAttribute("transform").match(/translate\((\S+) (\S+)\)/);
+  const [right, down, dx, dy, anchor] = SIDES[side];
+  text.setAttribute("x", Number(x) + right * radius);
+  text.setAttribute("y", Number(y) + down * radius);
+  text.setAttribute("dx", dx);
+  text.setAttribute("dy", dy);
+  text.style.textAnchor = anchor;
+  return text.getBoundingClientRect();
+}
+
+// The area of a box that others cover, and that lies outside of the drawing.
+function hidden(box, taken) {
+  const drawing = at("arena").getBoundingClientRect();
+  const area = (other) => {
+    const width = Math.min(box.right, other.right) - Math.max(box.left, other.left);
+    const height = Math.min(box.bottom, other.bottom) - Math.max(box.top, other.top);
+    return Math.max(width, 0) * Math.max(height, 0);
+  };
+  const all = box.width * box.height;
+  return taken.reduce((sum, other) => sum + area(other), all - area(drawing));
 }
 
 function attribute(id, name, value) {
@@ -72,6 +122,7 @@ export function measure(svg) {
   if (!svg.clientWidth || !svg.clientHeight || !box.width) return;
   const mm = Math.max(box.width / svg.clientWidth, box.height / svg.clientHeight);
   svg.style.setProperty("--mm", mm);
+  if (svg.id === "arena") nameRobots();
 }
 
 export function cells(value) {
