@@ -118,6 +118,18 @@ def test_the_reason_of_a_failure_is_shown() -> None:
     assert "controller failed, 3 of 40 commands; the serial" in text_of(watched)
 
 
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_the_reason_of_a_failure_is_shown_in_full(width: int) -> None:
+    words = "the robot at rfc2217://127.0.0.1:4003 gives no answer; check its cable and its power"
+    watched = a_watched()
+    for alive in (True, False):
+        watched.controlled.alive = alive
+        watched.controlled.state = a_state(Phase.FAILED, reason=words)
+        text = text_of(watched, width=width)
+        assert words in " ".join(text.replace("│", " ").split())
+        assert "best sequence" not in text  # the plan goes with the run
+
+
 def test_link_and_speeds_are_shown_while_they_are_known() -> None:
     watched = a_watched()
     assert "speeds" not in text_of(watched)

@@ -15,7 +15,7 @@ from macor_hil.monitor.robot_state import RobotState
 _LONGEST: Final = 600
 """Characters of a reason."""
 
-_IN_A_LINE: Final = 80
+_IN_A_LINE: Final = 100
 """Characters of words and reason together; a longer reason stands apart."""
 
 _TURNS: Final = 0.004

@@ -100,13 +100,21 @@ function fold(card, empty) {
   card.open = empty === null && !folded().has(card.id);
 }
 
+// Fold and unfold the cards anew, such as when the window has become wide.
+export function foldAll() {
+  document.querySelectorAll("details.card").forEach((card) => {
+    card.open = !card.hasAttribute("data-empty") && !folded().has(card.id);
+  });
+}
+
 const KEY = "macor-folded";
+export const PHONE = matchMedia("(max-width: 699px)");
 const NARROW = ["columns-card", "health-card", "line-card", "rewards-card"];
 
 export function folded() {
   const kept = localStorage.getItem(KEY);
   if (kept !== null) return new Set(JSON.parse(kept));
-  return new Set(matchMedia("(max-width: 699px)").matches ? NARROW : []);
+  return new Set(PHONE.matches ? NARROW : []);
 }
 
 export function keepFolded(card) {

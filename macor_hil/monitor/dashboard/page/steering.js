@@ -57,8 +57,8 @@ export function prepareSteering({ planners, goals }, wish) {
   at("steering").append(
     group("Run", button("Pause", () => wish({ do: "pause" }), "at once"), button("Go on", () => wish({ do: "resume" })),
       button("Stop", () => wish({ do: "stop" }), "ends the run")),
-    group("Plan by", planner, button("Use planner", () => wish({ do: "planner", name: planner.value })),
-      goal, button("Drive to goal", () => wish({ do: "goal", name: goal.value }))),
+    group("Plan by", planner, button("Use planner", () => wish({ do: "planner", name: planner.value }))),
+    group("Goal", goal, button("Drive to goal", () => wish({ do: "goal", name: goal.value }))),
     group("Place", what, element("label", {}, "x ", x), element("label", {}, "y ", y), " cm",
       element("label", {}, "heading ", heading), "°",
       button("Place", () => place(x.value / 100, y.value / 100, (heading.value * Math.PI) / 180)), mouse,
