@@ -107,10 +107,8 @@ def _stream(arrivals: Arrivals, now: float, extra: str, *, alive: bool) -> Text:
 
 
 def _link(link: Link) -> Text:
-    text = Text(f"{link.exchanges} exchanges, {1e3 * link.mean:.1f} ms mean, ")
-    text.append(f"{1e3 * link.worst:.1f} ms worst, ")
-    text.append(f"{link.failures} failed", style="red" if link.failures else "")
-    return text
+    failed = f"{link.failures} of {link.exchanges} failed", "red" if link.failures else ""
+    return Text.assemble(failed, f", mean {1e3 * link.mean:.1f}, worst {1e3 * link.worst:.1f} ms")
 
 
 def _readings(watched: RobotState) -> Sequence[int]:
@@ -143,10 +141,8 @@ def _add_decision(
         if seen.resonant
         else Text("no match, nearest used", style="yellow")
     )
-    rows.add_row(
-        "situation",
-        Text(f"{seen.node} (neuron {seen.neuron}), match {seen.match:.3f}, ") + resonance,
-    )
+    known = f"{seen.node}, match {seen.match:.3f}, ", resonance, f" (neuron {seen.neuron})"
+    rows.add_row("situation", Text.assemble(*known))
     if plans:
         _add_plan(rows, decision)
     total = Text(f"last {decision.reinforcement:.2f}  total {decision.total_reinforcement:.2f}  ")

@@ -29,7 +29,8 @@ const sides = new Map(); // where each robot's name stood last
 // Names of robots that stand close make way for each other, and stay where they are if they can.
 function nameRobots() {
   const robots = [...document.querySelectorAll("#bodies > g")];
-  const taken = robots.map((robot) => robot.querySelector("circle").getBoundingClientRect());
+  const obstacles = document.querySelectorAll("#bodies circle, #ground .thing");
+  const taken = [...obstacles].map((each) => each.getBoundingClientRect());
   for (const robot of robots) {
     const text = robot.querySelector("text");
     if (!text) continue;
