@@ -351,6 +351,11 @@ def test_a_robot_is_placed_with_the_mouse(browser: Chrome) -> None:
                 player.publish(event)
             visit(browser, address)
             until(browser, shows("#bodies [data-kind=robot]", 1))
+            # an empty field is no zero: nothing is asked for
+            field = browser.find_element("css selector", "input[aria-label='x, cm']")
+            field.clear()
+            browser.find_element("xpath", "//button[text()='Place']").click()
+            assert browser.switch_to.active_element == field
             browser.find_element("xpath", "//button[text()='With the mouse']").click()
             arena = browser.find_element("id", "arena")
             drag = ActionChains(browser).move_to_element(arena).click_and_hold()

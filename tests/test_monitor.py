@@ -219,7 +219,7 @@ def test_once_shows_a_controller_that_is_there() -> None:
         with open_session([], [endpoint]) as session:
             assert watch(session, "khepera", once=True, console=console)
     assert "driving, 3 of 40" in file.getvalue()
-    assert "17 (neuron 53)" in file.getvalue()
+    assert "17, match 0.961, resonates" in file.getvalue()
 
 
 def test_a_watcher_without_a_controller_ends_after_its_duration() -> None:

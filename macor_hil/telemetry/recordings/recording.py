@@ -176,7 +176,7 @@ def play_recording(
     events = _events(path, begin, tell=tell)
     first = next(events, None)
     if first is None:
-        raise RecordingError(f"{path} is no recording of a robot: no sample of one is in it")
+        raise RecordingError(f"{path} is not a recording of a robot: no sample of one is in it")
     robot, event = first
     return robot, chain([event], (event for name, event in events if name == robot))
 
