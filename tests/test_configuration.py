@@ -39,8 +39,28 @@ def test_what_is_printed_can_be_used(name: str, tmp_path: Path) -> None:
     text = call(APPS[name], "config", "--print")
     said = call(APPS[name], "config", "--check", written(tmp_path, text))
     tables = re.findall(r"^\[([\w-]+)\]$", text, re.MULTILINE)
-    assert said == f"{tmp_path}/options.toml: {', '.join(tables)} can be used\n"
+    assert said == f"{tmp_path}/options.toml can be used by {', '.join(tables)}\n"
     assert call(APPS[name], "config", "--check", str(tmp_path / "options.toml"), "--print") == text
+
+
+@pytest.mark.parametrize(
+    ("text", "command"),
+    [
+        ("seed = 3", "run"),
+        ('clusterer = "neural-gas"\nnodes = 30', "train"),
+        ("host = '127.0.0.1'", "dashboard"),
+    ],
+)
+def test_options_without_a_table_are_checked_as_those_of_a_command_that_has_them(
+    tmp_path: Path, text: str, command: str
+) -> None:
+    file = written(tmp_path, text)
+    assert call(controller, "config", "--check", file) == f"{file} can be used by {command}\n"
+
+
+def test_a_file_without_options_says_so(tmp_path: Path) -> None:
+    file = written(tmp_path, "# later\n")
+    assert call(controller, "config", "--check", file) == f"{file} has no options\n"
 
 
 def test_every_option_of_a_service_is_printed_with_what_it_is() -> None:
