@@ -336,8 +336,9 @@ def test_a_long_reason_stands_apart_from_the_badge_and_in_full() -> None:
     assert text_of(parts["driver"]) == "controller failed, 3 of 40 commands"
     assert text_of(parts["reason"]) == sentence
     assert parts["reason@data-mood"] == "bad"
+    watched.emulated.place(at_rest())
     watched.take(Presence(CONTROLLER, False, 0))
-    parts = parts_of(watched)
+    parts = parts_of(watched, 60.0)
     assert text_of(parts["driver"]).endswith("; last run failed after 3 of 40 commands")
     assert text_of(parts["reason"]) == sentence
     watched.take(Presence(CONTROLLER, True, 0))
