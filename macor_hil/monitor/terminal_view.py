@@ -143,6 +143,8 @@ def _add_decision(
     )
     known = f"{seen.node}, match {seen.match:.3f}, ", resonance, f" (neuron {seen.neuron})"
     rows.add_row("situation", Text.assemble(*known))
+    if decision.goal:
+        rows.add_row("goal", Text(goal_seen(decision.goal)))
     if plans:
         _add_plan(rows, decision)
     total = Text(f"last {decision.reinforcement:.2f}  total {decision.total_reinforcement:.2f}  ")
@@ -157,8 +159,6 @@ def _add_decision(
 
 def _add_plan(rows: Table, decision: Decision) -> None:
     _add_alternatives(rows, decision)
-    if decision.goal:
-        rows.add_row("goal", Text(goal_seen(decision.goal)))
     ahead = "  ".join(f"{step.command}→{step.node}" for step in decision.sequence_ahead)
     length = len(decision.sequence_ahead)
     rows.add_row("best sequence", Text(printable(f"{length}: {ahead}" if length else "none")))
