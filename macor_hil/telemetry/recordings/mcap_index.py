@@ -49,7 +49,7 @@ class Chunk:
 
     @property
     def channels(self) -> dict[int, int]:
-        """Where the indexes of its messages are, by the numbers of their channels."""
+        """Places of the indexes of its messages, by the numbers of their channels."""
         return dict(_OFFSET.iter_unpack(self._channels))
 
 

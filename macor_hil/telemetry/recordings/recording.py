@@ -239,7 +239,7 @@ class _LeftOut:
 
 
 class _Source(NamedTuple):
-    """What a topic is of."""
+    """The robot and the key that a topic is of."""
 
     side: str
     robot: str
