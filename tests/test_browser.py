@@ -302,6 +302,10 @@ def test_a_phone_shows_cards_one_below_the_other_and_some_folded(
     )
     assert len(set(tops)) == len(tops)
     assert count(browser, "details.card:not([open])") >= 4
+    size(browser, 1280, 800)  # turned, or moved to a larger screen
+    until(browser, shows("#columns-card[open]", 1))
+    size(browser, 400, 860)
+    until(browser, shows("#columns-card[open]", 0))
     browser.execute_script("document.querySelector('#columns-card summary').click()")
     until(browser, shows("#columns-card[open]", 1))
     assert measures(browser)[0] <= 400
