@@ -3,21 +3,28 @@
 import json
 import re
 import shutil
+import ssl
 import subprocess
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import combinations
 from pathlib import Path
 
 import pytest
 import zenoh
-from as_type import not_none
-from controller_helpers import a_decision, free_endpoint, wait_until_watched
+from as_type import as_type, not_none
+from controller_helpers import a_decision, a_state, free_endpoint, wait_until_watched
 from dashboard_process import PATIENCE, dashboard
-from khepera_protocol.zenoh.keys import CONTROLLER
-from khepera_protocol.zenoh.payloads import Reset
+from khepera_protocol.zenoh.controller_payloads import Phase
+from khepera_protocol.zenoh.keys import CONTROLLER, EMULATOR
+from khepera_protocol.zenoh.payloads import Outline, Reset
 from selenium.webdriver import Chrome
 from watching_helpers import a_life, json_event, truth
 
 from macor_hil.monitor.dashboard.passwords import hash_password
+from macor_hil.telemetry.examples import EXAMPLES
 from macor_hil.telemetry.feed import Arrival
 from macor_hil.telemetry.recordings.player import Player
 from macor_hil.telemetry.session import open_session
@@ -295,6 +302,10 @@ def test_a_phone_shows_cards_one_below_the_other_and_some_folded(
     )
     assert len(set(tops)) == len(tops)
     assert count(browser, "details.card:not([open])") >= 4
+    size(browser, 1280, 800)  # turned, or moved to a larger screen
+    until(browser, shows("#columns-card[open]", 1))
+    size(browser, 400, 860)
+    until(browser, shows("#columns-card[open]", 0))
     browser.execute_script("document.querySelector('#columns-card summary').click()")
     until(browser, shows("#columns-card[open]", 1))
     assert measures(browser)[0] <= 400
@@ -344,6 +355,11 @@ def test_a_robot_is_placed_with_the_mouse(browser: Chrome) -> None:
                 player.publish(event)
             visit(browser, address)
             until(browser, shows("#bodies [data-kind=robot]", 1))
+            # an empty field is no zero: nothing is asked for
+            field = browser.find_element("css selector", "input[aria-label='x, cm']")
+            field.clear()
+            browser.find_element("xpath", "//button[text()='Place']").click()
+            assert browser.switch_to.active_element == field
             browser.find_element("xpath", "//button[text()='With the mouse']").click()
             arena = browser.find_element("id", "arena")
             drag = ActionChains(browser).move_to_element(arena).click_and_hold()
@@ -351,6 +367,60 @@ def test_a_robot_is_placed_with_the_mouse(browser: Chrome) -> None:
             until(browser, says("khepera stands at x 30.0 cm, y 0.0 cm"))
     (reset,) = asked
     assert not_none(reset.pose).heading == pytest.approx(1.5708, abs=0.01)
+
+
+NAMES = """
+return [...document.querySelectorAll("#bodies text")].map((e) => {
+  const { left, right, top, bottom } = e.getBoundingClientRect();
+  return [left, right, top, bottom];
+});
+"""
+
+
+def test_names_of_robots_that_stand_close_can_all_be_read(browser: Chrome) -> None:
+    endpoint = free_endpoint()
+    room = as_type(Outline, EXAMPLES[Outline]).model_copy(update={"world": "of three"})
+    size(browser, 1280, 800)
+    with (
+        open_session([endpoint], []) as session,
+        dashboard("--connect", endpoint) as address,
+        ExitStack() as stack,
+    ):
+        for k in range(3):
+            player = stack.enter_context(Player(session, f"khepera-{k}"))
+            player.publish(a_life()[0])
+            player.publish(json_event(EMULATOR, "arena", room, 0.1))
+            player.publish(json_event(EMULATOR, "truth", truth(0.2, 0.1 + 0.06 * k), 0.2))
+        visit(browser, address)
+        until(browser, shows("#bodies text", 3))
+        boxes = browser.execute_script(NAMES)
+        for first, second in combinations(boxes, 2):
+            apart = first[1] <= second[0] or second[1] <= first[0]
+            assert apart or first[3] <= second[2] or second[3] <= first[2]
+
+
+REASON = "no answer from the robot at rfc2217://127.0.0.1:4003 in 0.6 s; " * 8
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+def test_the_reason_of_a_failure_is_read_in_full(browser: Chrome, width: int) -> None:
+    endpoint = free_endpoint()
+    size(browser, width, 800)
+    with (
+        open_session([endpoint], []) as session,
+        dashboard("--connect", endpoint, "--robot", "khepera") as address,
+        Player(session, "khepera") as player,
+    ):
+        for event in a_life()[:6]:
+            player.publish(event)
+        failed = a_state(Phase.FAILED, reason=REASON)
+        player.publish(json_event(CONTROLLER, "state", failed, 0.8))
+        visit(browser, address)
+        until(browser, says(REASON.strip()))
+        assert browser.find_element("id", "driver").text == "controller failed, 3 of 40 commands"
+        assert browser.find_element("id", "driver").size["height"] < 30  # one line
+        assert measures(browser)[0] <= width
+        assert width == 400 or measures(browser)[1] == 800
 
 
 @pytest.mark.long
@@ -380,11 +450,42 @@ def certificate(tmp_path: Path) -> tuple[Path, Path]:
 
 OPENS = """
 const [address, done] = arguments;
+// what the page's own policy forbids is never sent, and never closed
+document.addEventListener("securitypolicyviolation", () => done("kept in"));
 const socket = new WebSocket(address);
-socket.onopen = () => done(true);
-socket.onclose = () => done(false);
+socket.onopen = () => done("open");
+socket.onclose = () => done("closed");
 """
-"""Tells whether a WebSocket of the present page is let in."""
+"""Tells whether a WebSocket of the present page is let in, or even gets out of the page."""
+
+
+class Elsewhere(BaseHTTPRequestHandler):
+    """A page that may connect to anything, of another program on this machine."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<!doctype html>elsewhere")
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@contextmanager
+def elsewhere(certificate: tuple[Path, Path]) -> Iterator[str]:
+    """Serve a page of another program over TLS; gives its address."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(*certificate)
+    with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        server.socket = context.wrap_socket(server.socket, server_side=True)
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+        thread.start()
+        try:
+            yield f"https://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 @pytest.mark.long
@@ -405,7 +506,8 @@ def test_a_page_over_tls_shows_live_data_to_who_knows_the_password(
         assert address.startswith("https://127.0.0.1:")
         live = f"{address.replace('https', 'wss')}/live"
         visit(browser, f"{address}/login")
-        assert not browser.execute_async_script(OPENS, live)  # its own page, without the password
+        # its own page, without the password
+        assert browser.execute_async_script(OPENS, live) == "closed"
         log_in(browser, "wrong")
         until(browser, says("That is not the password"))
         assert not browser.get_cookies()
@@ -417,11 +519,16 @@ def test_a_page_over_tls_shows_live_data_to_who_knows_the_password(
             player.publish(event)
         until(browser, says("driving, 1 of 40 commands"))
         until(browser, lambda driver: driver.execute_script(PAINTED))
-        assert browser.execute_async_script(OPENS, live)
-        # from a page of elsewhere, in the browser that has the cookie
-        with dashboard("--connect", free_endpoint()) as other:
+        assert browser.execute_async_script(OPENS, live) == "open"
+        # its own page, to another program
+        with elsewhere(certificate) as other:
+            there = other.replace("https", "wss")
+            assert browser.execute_async_script(OPENS, there) == "kept in"
+            # from a page of elsewhere, which the browser sends the cookie for: cookies know no port
             visit(browser, other)
-            assert not browser.execute_async_script(OPENS, live)
+            until(browser, says("elsewhere"))
+            assert [each["name"] for each in browser.get_cookies()] == [cookie["name"]]
+            assert browser.execute_async_script(OPENS, live) == "closed"
         # by another name that leads here
         visit(browser, address.replace("127.0.0.1", "lab.test"))
         until(browser, says("not for this page or name"))

@@ -39,8 +39,28 @@ def test_what_is_printed_can_be_used(name: str, tmp_path: Path) -> None:
     text = call(APPS[name], "config", "--print")
     said = call(APPS[name], "config", "--check", written(tmp_path, text))
     tables = re.findall(r"^\[([\w-]+)\]$", text, re.MULTILINE)
-    assert said == f"{tmp_path}/options.toml: {', '.join(tables)} can be used\n"
+    assert said == f"{tmp_path}/options.toml can be used by {', '.join(tables)}\n"
     assert call(APPS[name], "config", "--check", str(tmp_path / "options.toml"), "--print") == text
+
+
+@pytest.mark.parametrize(
+    ("text", "command"),
+    [
+        ("seed = 3", "run"),
+        ('clusterer = "neural-gas"\nnodes = 30', "train"),
+        ("host = '127.0.0.1'", "dashboard"),
+    ],
+)
+def test_options_without_a_table_are_checked_as_those_of_a_command_that_has_them(
+    tmp_path: Path, text: str, command: str
+) -> None:
+    file = written(tmp_path, text)
+    assert call(controller, "config", "--check", file) == f"{file} can be used by {command}\n"
+
+
+def test_a_file_without_options_says_so(tmp_path: Path) -> None:
+    file = written(tmp_path, "# later\n")
+    assert call(controller, "config", "--check", file) == f"{file} has no options\n"
 
 
 def test_every_option_of_a_service_is_printed_with_what_it_is() -> None:
@@ -79,6 +99,11 @@ def test_a_command_takes_its_own_table_of_a_programs_file(tmp_path: Path) -> Non
         ("commands = -1", r"\[run\] commands should be greater than or equal to 0, not -1"),
         ("[run]\nwait = nan", r"\[run\] wait should be greater than or equal to 0"),
         ('[run]\ngoal = "blu"', r"\[run\] goal: "),
+        ('[run]\nplanner = "grated"', r"\[run\] .*no planner 'grated'; did you mean graded\?"),
+        ('[train]\nplanner = ["grated"]', r"\[train\] .*no planner 'grated'"),
+        ('[train]\nclusterer = "gas"', r"\[train\] .*no clusterer 'gas'"),
+        ('[train]\neyes = "ears"', r"\[train\] .*'ears'"),
+        ('[trials]\nplanner = ["grated"]', r"\[trials\] .*no planner 'grated'"),
         ("[run.port]\na = 1", r"\[run\] port is a value, not a table"),
         ("[run", "options.toml: "),
     ],

@@ -258,6 +258,8 @@ def test_columns_have_a_cell_for_every_neuron_and_the_brightest_is_the_present_o
 def test_collisions_and_failures_are_marked() -> None:
     watched = a_watched()
     watched.take(json_event(CONTROLLER, "decision", a_decision(4, collided=True), 5.0))
+    backing = a_state(Phase.BACKING_OFF, driven=5)
+    watched.take(json_event(CONTROLLER, "state", backing, 5.05))
     state = a_state(Phase.RECOVERING, driven=3, reason="the cable")
     watched.take(json_event(CONTROLLER, "state", state, 5.1))
     touching = as_type(Truth, truth(6.0, 0.12)).model_copy(update={"contact": True})
@@ -327,6 +329,23 @@ def test_the_badge_tells_who_drives() -> None:
     watched.controlled.state = a_state(Phase.TRAINING, driven=6700, limit=13400)
     training = "training, 50 %: 6700 of 13400 commands"
     assert driver_of(watched, 60.0)[1:3] == ("good", training)
+
+
+def test_a_long_reason_stands_apart_from_the_badge_and_in_full() -> None:
+    sentence = "the robot at rfc2217://127.0.0.1:4003 gives no answer; check cable and power" * 4
+    watched = a_watched()
+    watched.controlled.state = a_state(Phase.FAILED, reason=sentence)
+    parts = parts_of(watched)
+    assert text_of(parts["driver"]) == "controller failed, 3 of 40 commands"
+    assert text_of(parts["reason"]) == sentence
+    assert parts["reason@data-mood"] == "bad"
+    watched.emulated.place(at_rest())
+    watched.take(Presence(CONTROLLER, False, 0))
+    parts = parts_of(watched, 60.0)
+    assert text_of(parts["driver"]).endswith("; last run failed after 3 of 40 commands")
+    assert text_of(parts["reason"]) == sentence
+    watched.take(Presence(CONTROLLER, True, 0))
+    assert parts_of(watched)["reason"] == ""
 
 
 def at_rest() -> Truth:
@@ -631,7 +650,9 @@ def test_a_recording_is_marked_where_something_went_wrong() -> None:
     at = next(k for k, event in enumerate(life) if getattr(event, "leaf", "") == "decision")
     life[at] = json_event(CONTROLLER, "decision", a_decision(0, collided=True), 1.8)
     failed = a_state(Phase.FAILED, reason="the cable")
-    life.insert(at + 1, json_event(CONTROLLER, "state", failed, 1.9))
+    backing = a_state(Phase.BACKING_OFF)  # after every collision: no failure
+    life.insert(at + 1, json_event(CONTROLLER, "state", backing, 1.85))
+    life.insert(at + 2, json_event(CONTROLLER, "state", failed, 1.9))
     player = RecordingSource(timeline_of(life), Clock())
     assert player.moments == {
         "moments": [[1.8, "collision", "collision"], [1.9, "failure", "failure"]]

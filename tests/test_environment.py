@@ -99,7 +99,7 @@ def test_a_pose_can_be_asked_for(env: gymnasium.Env[Any, Any]) -> None:
         ({"pose": (10**400, 0.0, 0.0)}, "is not x, y and heading"),
         ({"pose": (1e308, 0.0, 0.0)}, "x="),
         ({"pose": (11.0, 0.0, 0.0)}, "x=11 m, y=0 m is in no arena"),
-        ({"pose": (0.3, 0.0, 7.0)}, "the heading 7 is no angle"),
+        ({"pose": (0.3, 0.0, 7.0)}, "the heading 7 is not an angle"),
         ({"pose": (0.3, 0.12, 0.0)}, "no room for the robot at x=0.300 m, y=0.120 m"),
         ({"pose": (0.3, 0.6, 0.0)}, "x=0.300 m, y=0.600 m is outside the walls of the arena"),
     ],

@@ -153,15 +153,17 @@ def test_a_training_can_be_watched(tmp_path: Path) -> None:
     ):
         # a whole training: time enough for a watcher to find it
         told = None
-        while training.poll() is None and not (told and told.driven and {"arena", "truth"} <= seen):
+        while training.poll() is None and not (
+            told and told.driven and {"arena", "truth", "frame"} <= seen
+        ):
             event = feed.get(0.1)
             if isinstance(event, Arrival):
                 seen.add(event.leaf)
                 if event.leaf == "state":
                     told = State.parse(event.data)
         training.kill()
-    # what would draw on the robot's chance is not offered
-    assert seen == {"arena", "truth", "state"}
+    # what would draw on the robot's chance is not offered: the pictures are those it learns from
+    assert seen == {"arena", "truth", "state", "frame"}
     assert told is not None
     assert (told.phase, told.limit) == (Phase.TRAINING, 13_400)
     assert 0 < told.driven < told.limit

@@ -77,7 +77,7 @@ def test_a_decision_is_shown_with_all_that_belongs_to_it() -> None:
     assert "controller driving, 3 of 40 commands" in text
     assert "khepera://corridor" in text
     assert "anticipative" in text
-    assert "17 (neuron 53), match 0.961, resonates" in text
+    assert "17, match 0.961, resonates (neuron 53)" in text
     assert "2: straight→18  left→4" in text
     assert "last 0.70  total 2.80" in text
     assert "x +0.021 m  y -0.004 m  heading +6°" in text
@@ -139,13 +139,25 @@ def test_the_reason_of_a_failure_is_shown() -> None:
     assert "controller failed, 3 of 40 commands; the serial" in text_of(watched)
 
 
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_the_reason_of_a_failure_is_shown_in_full(width: int) -> None:
+    words = "the robot at rfc2217://127.0.0.1:4003 gives no answer; check its cable and its power"
+    watched = a_watched()
+    for alive in (True, False):
+        watched.controlled.alive = alive
+        watched.controlled.state = a_state(Phase.FAILED, reason=words)
+        text = text_of(watched, width=width)
+        assert words in " ".join(text.replace("│", " ").split())
+        assert "best sequence" not in text  # the plan goes with the run
+
+
 def test_link_and_speeds_are_shown_while_they_are_known() -> None:
     watched = a_watched()
     assert "speeds" not in text_of(watched)
     watched.controlled.link = as_type(Link, EXAMPLES[Link])
     watched.emulated = Emulated(alive=True, truth=as_type(Truth, EXAMPLES[Truth]))
     text = text_of(watched)
-    assert "240 exchanges, 26.0 ms mean, 53.0 ms worst, 0 failed" in line_with(text, "link")
+    assert "0 of 240 failed, mean 26.0, worst 53.0 ms" in line_with(text, "link")
     assert "speeds 160 and 158 mm/s" in line_with(text, "wheels")
 
 
@@ -166,6 +178,9 @@ def test_the_fullest_picture_fits_the_terminal(width: int) -> None:
     lines = text_of(watched, width=width).splitlines()
     assert len(lines) <= 24
     assert {len(line) for line in lines} == {width}
+    # what matters of a row is not cut
+    assert "17, match 0.961, resonates" in "\n".join(lines)
+    assert "0 of 240 failed, mean 26.0, worst 53.0 ms" in "\n".join(lines)
     assert "│ reinforcement " in "\n".join(lines)
 
 
@@ -225,7 +240,7 @@ def test_once_shows_a_controller_that_is_there() -> None:
         with open_session([], [endpoint]) as session:
             assert watch(session, "khepera", once=True, console=console)
     assert "driving, 3 of 40" in file.getvalue()
-    assert "17 (neuron 53)" in file.getvalue()
+    assert "17, match 0.961, resonates" in file.getvalue()
 
 
 def test_a_watcher_without_a_controller_ends_after_its_duration() -> None:

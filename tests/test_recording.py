@@ -145,7 +145,7 @@ def read_or_none(path: Path) -> list[Arrival | Presence]:
 @pytest.mark.parametrize("content", [b"", b"no recording", bytes(200)])
 def test_what_is_no_recording_is_said_to_be_none(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x").write_bytes(content)
-    with pytest.raises(RecordingError, match="is no recording of a robot"):
+    with pytest.raises(RecordingError, match="is not a recording of a robot"):
         read_recording(tmp_path / "x")
 
 

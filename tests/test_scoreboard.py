@@ -1,5 +1,6 @@
 """Scores of robots by their ground truth, and the command that shows them."""
 
+import io
 import json
 import os
 import time
@@ -111,6 +112,21 @@ def test_the_best_stands_first() -> None:
     console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115, PTH123
     console.print(drawn(board.ranking(), with_goal=True))
     assert "2.0 s" in console.export_text()
+
+
+def test_robots_that_have_not_moved_stand_in_the_order_of_their_numbers() -> None:
+    board = Scoreboard()
+    assert "no robot has been seen yet" in shown(board)
+    for number in (10, 2, 1, 12):
+        board.add(f"khepera-{number}", truth(1.0, 0.1))
+    assert [name for name, _ in board.ranking()] == [f"khepera-{k}" for k in (1, 2, 10, 12)]
+    assert "no robot" not in shown(board)
+
+
+def shown(board: Scoreboard) -> str:
+    screen = io.StringIO()
+    Console(file=screen, width=80).print(drawn(board.ranking(), with_goal=False))
+    return screen.getvalue()
 
 
 def test_no_more_robots_are_kept_than_a_table_can_have() -> None:

@@ -239,7 +239,7 @@ class TestReset:
             ("[]", "the payload should be"),
             ('{"pose": {"x": 1e8, "y": 0, "heading": 0}}', "x=1e+08 m, y=0 m is in no arena"),
             ('{"pose": {"x": 0, "y": -11, "heading": 0}}', "x=0 m, y=-11 m is in no arena"),
-            ('{"pose": {"x": 0.3, "y": 0, "heading": 1e8}}', "the heading 1e+08 is no angle"),
+            ('{"pose": {"x": 0.3, "y": 0, "heading": 1e8}}', "the heading 1e+08 is not an angle"),
             ('{"pose": {"x": 0.3, "y": 0.6, "heading": 0}}', "x=0.300 m, y=0.600 m is outside the"),
             ('{"pose": {"x": 9, "y": 9, "heading": 0}, "seed": 1}', "x=9.000 m, y=9.000 m is outs"),
             ('{"\\u001b[31m": 1}', r"\x1b[31m: Extra inputs"),

@@ -33,6 +33,7 @@ from macor_hil.errors import (
 from macor_hil.hardware.cameras.camera import Camera, Frame
 from macor_hil.hardware.cameras.catalogue import CameraAddress
 from macor_hil.hardware.khepera import open_port
+from macor_hil.hardware.robots.robot import Robot
 from macor_hil.hardware.way_out import drive_away
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.map_file import load_map, save_map
@@ -334,6 +335,53 @@ def test_failures_in_a_row_end_a_run_unless_it_never_gives_up(
     else:
         assert serve(limited).recoveries == 8
         assert pauses == [2.0, 4.0, 8.0]
+
+
+def fail_after_recovery(monkeypatch: pytest.MonkeyPatch, failures: int) -> None:
+    """Let the robot fail at its first request after each of so many recoveries."""
+    left = [LinkError("a loose contact")] * failures
+    recover = macor_hil.runs.recovery.wait_until_both_work
+
+    def recovered(robot: Robot, *more: Any) -> None:
+        recover(robot, *more)
+        if left:
+            monkeypatch.setattr(robot, "counters", NotYet(robot.counters, left.pop()))
+
+    monkeypatch.setattr(macor_hil.runs.live_run, "wait_until_both_work", recovered)
+
+
+@pytest.mark.parametrize(
+    ("recovery", "failures", "stood"),
+    [(30.0, 1, []), (30.0, 4, []), (inf, 4, []), (inf, 10, [2.0, 4.0, 8.0, 16.0, 30.0, 30.0])],
+)
+def test_a_failure_right_after_a_recovery_is_recovered_from(
+    options: RunOptions,
+    monkeypatch: pytest.MonkeyPatch,
+    recovery: float,
+    failures: int,
+    stood: list[float],
+) -> None:
+    pauses: list[float] = []
+    monkeypatch.setattr(macor_hil.runs.live_run, "pause", lambda s, _: pauses.append(s))
+    real, make = CameraAddress.open, failing(3, 1)
+    monkeypatch.setattr(CameraAddress, "open", lambda *a, **k: make(real(*a, **k)))
+    fail_after_recovery(monkeypatch, failures)
+    report = serve(changed(options, recovery=recovery))
+    assert (report.ending, report.commands, report.recoveries) == (Ending.COMMANDS, 6, 1)
+    assert pauses == stood
+
+
+def test_failures_right_after_recoveries_end_a_run_that_may_give_up(
+    options: RunOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ports, times = opened(monkeypatch), list[float]()
+    watch_closing(ports, times, monkeypatch)
+    real, make = CameraAddress.open, failing(3, 1)
+    monkeypatch.setattr(CameraAddress, "open", lambda *a, **k: make(real(*a, **k)))
+    fail_after_recovery(monkeypatch, 5)
+    with pytest.raises(LinkError, match="a loose contact"):
+        serve(changed(options, recovery=30.0))
+    assert times  # the robot stood when it was switched off
 
 
 # learning

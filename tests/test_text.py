@@ -10,6 +10,7 @@ from khepera_protocol.text import (
     MAX_DOCUMENT,
     DocumentError,
     PrintableFormatter,
+    in_order,
     parse_toml,
     printable,
 )
@@ -78,3 +79,9 @@ def test_logs_show_what_a_terminal_would_obey() -> None:
     assert first == r"ERROR: a\nb \x1b]0;t\x07"
     assert trace[-1] == r"ValueError: \x1b[31m\rred"
     assert all(line.isprintable() for line in trace)
+
+
+def test_names_are_sorted_by_their_numbers() -> None:
+    names = ["khepera-1", "khepera-2", "khepera-10", "khepera-12", "left", "left-3"]
+    assert sorted(set(names), key=in_order) == names
+    assert in_order("9" * 10_000)  # whatever a stranger calls a robot

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import zenoh
-from khepera_protocol.text import did_you_mean, printable
+from khepera_protocol.text import did_you_mean, in_order, printable
 from khepera_protocol.zenoh.ask import PATIENCE, AskError, ask
 from khepera_protocol.zenoh.keys import EMULATOR_ALIVE, RESET, TRUTH, Key
 from khepera_protocol.zenoh.payloads import Reset, Truth
@@ -92,7 +92,7 @@ def _names(session: zenoh.Session) -> list[str]:
     """Return the names of all robots that are switched on, in order."""
     replies = session.liveliness().get(EMULATOR_ALIVE.of("*"), timeout=PATIENCE)
     keys = [str(reply.ok.key_expr) for reply in replies if reply.ok]
-    return sorted({key.split("/")[1] for key in keys}, key=lambda name: (len(name), name))
+    return sorted({key.split("/")[1] for key in keys}, key=in_order)
 
 
 def _listed(names: list[str]) -> str:

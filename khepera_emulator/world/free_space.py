@@ -50,7 +50,8 @@ def check_room(pose: Pose, gap: Gap, inside: Inside = anywhere, what: str = "the
         )
     if not abs(pose.heading) <= 2 * pi:
         raise EmulatorError(
-            f"the heading {pose.heading:g} is no angle from {-2 * pi:.3f} to {2 * pi:.3f} radians"
+            f"the heading {pose.heading:g} is not an angle from {-2 * pi:.3f} to {2 * pi:.3f}"
+            " radians"
         )
     if not inside(pose.x, pose.y):
         raise EmulatorError(f"{place} is outside the walls of the arena")

@@ -161,5 +161,5 @@ def _finish_of(text: str) -> Finish:
     except ValueError:
         raise ValueError(f"{text!r} is not X,Y,RADIUS, such as 0.88,0.72,0.08") from None
     if not (abs(x) < inf and abs(y) < inf and 0.0 < radius < inf):
-        raise ValueError(f"{text!r} is no circle")
+        raise ValueError(f"{text!r} is not a circle: its radius must be more than 0")
     return Finish(x, y, radius)

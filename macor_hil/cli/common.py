@@ -4,8 +4,9 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
 from math import inf
-from typing import Final
+from typing import Final, NamedTuple
 
 import typer
 import zenoh
@@ -23,13 +24,13 @@ from rich.progress import (
 )
 
 from macor_hil.errors import MacorError
-from macor_hil.hardware.cameras import Camera
+from macor_hil.hardware.cameras import Camera, Frame
 from macor_hil.hardware.devices import Hardware, hardware_at, robot_at
 from macor_hil.hardware.line.serial_line import open_port
 from macor_hil.hardware.options import DeviceOptions, ZenohOptions
 from macor_hil.monitor.goals import goal_seen
 from macor_hil.runs.options import TrainOptions
-from macor_hil.telemetry.publisher import Publisher
+from macor_hil.telemetry.publisher import Publisher, PublishingCamera
 from macor_hil.telemetry.session import open_session
 from macor_hil.telemetry.steady_clock import SteadyClock
 
@@ -42,7 +43,7 @@ COLUMNS = (
 
 _INPUT: Final = 0
 _TELL: Final = 0.25
-"""Seconds between two words of a training's progress."""
+"""Seconds between two words of a training's progress, or two of its pictures."""
 
 _LOOK: Final = 0.1
 """Seconds between two looks for a signal."""
@@ -112,41 +113,71 @@ def extra(name: str) -> Iterator[None]:
         ) from None
 
 
+class Shown(NamedTuple):
+    """A training that watchers see.
+
+    Attributes:
+        hardware: whose pictures they see, too.
+        progress: a function to call after every command, with their number.
+    """
+
+    hardware: Hardware
+    progress: Callable[[int], None]
+
+
 @contextmanager
 def shown(
     hardware: Hardware, options: TrainOptions, say: Callable[[int], State]
-) -> Iterator[Callable[[int], None]]:
-    """Let watchers see a training: its progress, and arena and robot of a `khepera://` port.
+) -> Iterator[Shown]:
+    """Let watchers see a training: progress and pictures, arena and robot of a `khepera://` port.
 
     Args:
         hardware: open.
         options: of the training.
         say: returns the state that watchers are told, after so many commands.
 
-    Yields:
-        a function to call after every command, with their number.
-
     Raises:
         MacorError: an endpoint cannot be had.
     """
     if not options.listen:
-        yield lambda _: None
+        yield Shown(hardware, lambda _: None)
         return
     with ExitStack() as stack:
         session, show = _seen(stack, hardware, options)
         publisher = stack.enter_context(Publisher(session, options.robot))
-        clock = SteadyClock()
-        told = -inf
+        clock, told, seen = SteadyClock(), Pace(_TELL), Pace(_TELL)
 
         def progress(done: int) -> None:
-            nonlocal told
             show()
-            now = time.monotonic()
-            if now - told >= _TELL or done == options.schedule.commands:
-                told = now
+            if told.due() or done == options.schedule.commands:
                 publisher.state(say(done), clock.seconds())
 
-        yield progress
+        def picture(frame: Frame) -> None:
+            if seen.due():
+                publisher.frame(frame)
+
+        eyes = PublishingCamera(hardware.camera, picture)
+        yield Shown(replace(hardware, camera=eyes), progress)
+
+
+class Pace:
+    """Something that happens once in a while at most.
+
+    Args:
+        seconds: between two times.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._last = -inf
+
+    def due(self) -> bool:
+        """Return whether it is time again; if so, the while begins anew."""
+        now = time.monotonic()
+        if now - self._last < self._seconds:
+            return False
+        self._last = now
+        return True
 
 
 def _seen(

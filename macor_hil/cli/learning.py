@@ -69,17 +69,17 @@ def train_map_of(options: TrainOptions, mind: MindOptions) -> None:
         signals_taken_over() as interruption,
         hardware_of(options) as hardware,
         progress_bar(schedule.commands) as bar,
-        shown(hardware, options, partial(_training_of, options, hardware.robot.kind)) as show,
+        shown(hardware, options, partial(_training_of, options, hardware.robot.kind)) as watched,
     ):
         if options.restart:
             checkpoint_path(map_file).unlink(missing_ok=True)
 
         def progress(done: int) -> None:
             bar(done)
-            show(done)
+            watched.progress(done)
 
         ask = partial(_ask, bar) if sys.stdin.isatty() else None
-        brain = train_on(hardware, options, settings, interruption.check, progress, ask)
+        brain = train_on(watched.hardware, options, settings, interruption.check, progress, ask)
     _report(map_file, brain, schedule.commands)
 
 

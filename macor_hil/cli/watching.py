@@ -131,9 +131,10 @@ class DashboardOptions(ZenohConfigOptions):
             raise ValueError("--certificate and --key go together")
         outside = not _is_loopback(self.host)
         if (outside or self.name) and not self.password_hash:
+            door = f"--host {printable(self.host, 60)}" if outside else "--name"
             raise ValueError(
-                "a page that others reach takes a --password-hash; make one with"
-                " `macor-hil hash-password`"
+                f"{door} opens the page to other machines, which takes a --password-hash; make one"
+                " with `macor-hil hash-password`"
             )
         if outside and not (self.certificate or self.behind_proxy):
             raise ValueError(

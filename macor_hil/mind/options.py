@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final
 
 from khepera_protocol.mirror import Mirror
 from khepera_protocol.options import Cli
-from khepera_protocol.registry import is_own_code
+from khepera_protocol.registry import Registry, RegistryError, is_own_code
 from khepera_protocol.text import printable, quoted
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 from pydantic_core import from_json
@@ -73,6 +73,11 @@ class PlannerOptions(PartSettings):
         description="How to choose commands: {names}; or module:Class, file.py:Class.",
     )
 
+    @field_validator("planner")
+    @classmethod
+    def _is_a_planner(cls, planner: str) -> str:
+        return known(planner, PLANNERS)
+
     def make_planner(self) -> Planner:
         """Make the planner with its settings.
 
@@ -116,6 +121,21 @@ class MindOptions(PartSettings):
         default=(), description="Learn the memory that this planner reads, and no others: {names}."
     )
 
+    @field_validator("eyes")
+    @classmethod
+    def _are_eyes(cls, eyes: str) -> str:
+        return known(eyes, EYES)
+
+    @field_validator("clusterer")
+    @classmethod
+    def _is_a_clusterer(cls, clusterer: str) -> str:
+        return known(clusterer, CLUSTERERS)
+
+    @field_validator("planner")
+    @classmethod
+    def _are_planners(cls, planners: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(known(each, PLANNERS) for each in planners)
+
     def mind_settings(self, mirror: Mirror | None = None) -> MindSettings:
         """Return the settings of the brain that is composed.
 
@@ -148,6 +168,19 @@ class MindOptions(PartSettings):
             if memory not in memories:
                 memories |= [_memory(memory)]
         return memories or _DEFAULT.memories
+
+
+def known(name: str, parts: Registry) -> str:
+    """Return the name of a part that there is; nothing is imported.
+
+    Raises:
+        ValueError: there is none.
+    """
+    try:
+        parts.where(name)
+    except RegistryError as error:
+        raise ValueError(str(error)) from None
+    return name
 
 
 def _refuse(given: Mapping[str, Any], known: Iterable[str]) -> None:

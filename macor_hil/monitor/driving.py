@@ -12,7 +12,11 @@ from khepera_protocol.zenoh.controller_payloads import Phase, State
 
 from macor_hil.monitor.robot_state import RobotState
 
-_LONGEST: Final = 200
+_LONGEST: Final = 600
+"""Characters of a reason."""
+
+_IN_A_LINE: Final = 100
+"""Characters of words and reason together; a longer reason stands apart."""
 
 _TURNS: Final = 0.004
 """m/s from which on a wheel turns."""
@@ -44,14 +48,16 @@ class Driver(NamedTuple):
     Attributes:
         who: its kind.
         mood: `good`, `busy`, `bad`, `calm` or `gone`, for a colour.
-        words: what is known of it.
+        words: what is known of it, in a line.
         brief: a few words, for lists of robots.
+        reason: a sentence that does not fit into that line, such as that of a failure.
     """
 
     who: Who
     mood: str
     words: str
     brief: str
+    reason: str = ""
 
 
 def driver_of(watched: RobotState, now: float) -> Driver:
@@ -61,11 +67,13 @@ def driver_of(watched: RobotState, now: float) -> Driver:
         return _controller(watched)
     if not emulated.alive:
         known = seen.met or emulated.truth is not None
-        words = _with("the robot has gone" if known else "waiting for a robot", last_run(watched))
-        return Driver(Who.ABSENT, "gone", words, "gone" if known else "not there")
+        words = "the robot has gone" if known else "waiting for a robot"
+        brief = "gone" if known else "not there"
+        return _after_a_run(Driver(Who.ABSENT, "gone", words, brief), watched)
     if client := client_of(watched, now):
         return Driver(Who.CLIENT, "good", client, "another program")
-    return Driver(Who.NOBODY, "calm", _with("nobody drives", last_run(watched)), "nobody drives")
+    nobody = Driver(Who.NOBODY, "calm", "nobody drives", "nobody drives")
+    return _after_a_run(nobody, watched)
 
 
 def client_of(watched: RobotState, now: float) -> str:
@@ -88,18 +96,21 @@ def over(watched: RobotState) -> bool:
     return not seen.alive or (seen.state is not None and seen.state.phase in _OVER)
 
 
-def last_run(watched: RobotState) -> str:
-    """Return how the run of a controller that has gone ended; empty if none was seen."""
+def _after_a_run(driver: Driver, watched: RobotState) -> Driver:
+    """Add how the run of a controller that has gone ended, if one was seen."""
     seen = watched.controlled
     if seen.alive or not seen.met or seen.state is None:
-        return ""
-    state = seen.state
+        return driver
+    run = driver._replace(words=f"{driver.words}; {_last_run(seen.state)}")
+    return _because(run, seen.state.reason if seen.state.phase in _OVER else "", ": ")
+
+
+def _last_run(state: State) -> str:
     what = "training" if state.phase is Phase.TRAINING else "run"
     if state.phase is Phase.TRAINING and state.driven >= state.limit:
         return f"last training is done: {state.driven} commands"
     if state.phase in _OVER:
-        end = f"{state.phase.value} after {_commands(state)}"
-        return printable(f"last {what} {end}: {state.reason}".removesuffix(": "), _LONGEST)
+        return f"last {what} {state.phase.value} after {_commands(state)}"
     return f"last {what} vanished after {_commands(state)}"
 
 
@@ -118,10 +129,10 @@ def _controller(watched: RobotState) -> Driver:
         Phase.STOPPED: "calm",
         Phase.FAILED: "bad",
     }
-    words = printable(_with(words, state.reason), _LONGEST)
     share = f"/{state.limit}" if state.limit else ""
     brief = f"{state.phase.value} {state.driven}{share}"
-    return Driver(Who.CONTROLLER, moods.get(state.phase, "busy"), words, brief)
+    driver = Driver(Who.CONTROLLER, moods.get(state.phase, "busy"), words, brief)
+    return _because(driver, state.reason, "; ")
 
 
 def _commands(state: State) -> str:
@@ -131,8 +142,13 @@ def _commands(state: State) -> str:
     )
 
 
-def _with(words: str, more: str) -> str:
-    return f"{words}; {more}" if more else words
+def _because(driver: Driver, reason: str, joint: str) -> Driver:
+    """Add a reason to the words, or apart from them where it is long."""
+    told = printable(reason, _LONGEST)
+    line = f"{driver.words}{joint}{told}" if told else driver.words
+    if len(line) <= _IN_A_LINE:
+        return driver._replace(words=line)
+    return driver._replace(reason=told)
 
 
 def _lately(when: float | None, since: float, now: float) -> bool:

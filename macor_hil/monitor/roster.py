@@ -6,6 +6,7 @@ from contextlib import ExitStack, suppress
 from typing import Final, Self
 
 import zenoh
+from khepera_protocol.text import in_order
 from khepera_protocol.zenoh.keys import ALIVE
 
 from macor_hil.errors import TelemetryError
@@ -68,7 +69,7 @@ class Roster:
 
     def _follow(self, name: str) -> None:
         self.robots[name] = Follower(self._session, name)
-        self.robots = dict(sorted(self.robots.items()))
+        self.robots = {each: self.robots[each] for each in sorted(self.robots, key=in_order)}
 
     def _has_room(self) -> bool:
         if len(self.robots) < _MOST:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import hypot, inf
 from typing import Final
 
-from khepera_protocol.text import printable
+from khepera_protocol.text import in_order, printable
 from khepera_protocol.zenoh.payloads import Pose, Truth
 from rich.table import Table
 
@@ -128,7 +128,7 @@ class Scoreboard:
 
         def rank(named: tuple[str, Score]) -> tuple[float, int, float, str]:
             name, score = named
-            return score.best, score.collisions, -score.way, name
+            return score.best, score.collisions, -score.way, in_order(name)
 
         return sorted(self.scores.items(), key=rank)
 
@@ -148,6 +148,8 @@ def drawn(ranking: Iterable[tuple[str, Score]], *, with_goal: bool) -> Table:
         if with_goal:
             cells.append("-" if score.best == inf else f"{score.best:.1f} s")
         table.add_row(*cells, style="bold" if score.finished else None)
+    if not table.rows:
+        table.caption = "no robot has been seen yet"
     return table
 
 

@@ -19,12 +19,13 @@ from rich.text import Text
 
 from macor_hil.hardware.robots.form import Form
 from macor_hil.hardware.robots.robot import FULL
-from macor_hil.monitor.driving import driver_of
+from macor_hil.monitor.driving import driver_of, over
 from macor_hil.monitor.goals import goal_seen
 from macor_hil.monitor.robot_state import Arrivals, RobotState
 
 _BAR_WIDTH: Final = 24
 _MOST_ALTERNATIVES: Final = 5
+_LONGEST_REASON: Final = 200
 _EIGHTHS: Final = " ▏▎▍▌▋▊▉█"
 _LEVELS: Final = "▁▂▃▄▅▆▇█"
 _MOODS: Final = {
@@ -49,7 +50,10 @@ def render(watched: RobotState, now: float) -> RenderableType:
     rows.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
     seen = watched.controlled
     driver = driver_of(watched, now)
-    rows.add_row("driver", Text(driver.words, style=_MOODS[driver.mood]))
+    rows.add_row("driver", Text(driver.words, style=_MOODS[driver.mood], no_wrap=False))
+    if driver.reason:
+        reason = printable(driver.reason, _LONGEST_REASON)
+        rows.add_row("", Text(reason, style=_MOODS[driver.mood], overflow="fold", no_wrap=False))
     if seen.state:
         _add_state(rows, seen.state)
     size = f"{len(watched.frame) / 1000:.1f} kB"
@@ -59,7 +63,8 @@ def render(watched: RobotState, now: float) -> RenderableType:
     if seen.link:
         rows.add_row("link", _link(seen.link))
     if seen.decision:
-        _add_decision(rows, seen.decision, [past.reinforcement for past in seen.history])
+        plans = not over(watched) and not driver.reason
+        _add_decision(rows, seen.decision, [past.reinforcement for past in seen.history], plans)
     if readings := _readings(watched):
         rows.add_row("infrared", _infrared(readings, watched.form))
     if wheels := _wheels(watched):
@@ -104,10 +109,8 @@ def _stream(arrivals: Arrivals, now: float, extra: str, *, alive: bool) -> Text:
 
 
 def _link(link: Link) -> Text:
-    text = Text(f"{link.exchanges} exchanges, {1e3 * link.mean:.1f} ms mean, ")
-    text.append(f"{1e3 * link.worst:.1f} ms worst, ")
-    text.append(f"{link.failures} failed", style="red" if link.failures else "")
-    return text
+    failed = f"{link.failures} of {link.exchanges} failed", "red" if link.failures else ""
+    return Text.assemble(failed, f", mean {1e3 * link.mean:.1f}, worst {1e3 * link.worst:.1f} ms")
 
 
 def _readings(watched: RobotState) -> Sequence[int]:
@@ -130,23 +133,21 @@ def _wheels(watched: RobotState) -> str:
     return "  ".join(parts)
 
 
-def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) -> None:
+def _add_decision(
+    rows: Table, decision: Decision, reinforcements: list[float], plans: bool
+) -> None:
     seen = decision.situation
     resonance = (
         Text("resonates", style="green")
         if seen.resonant
         else Text("no match, nearest used", style="yellow")
     )
-    rows.add_row(
-        "situation",
-        Text(f"{seen.node} (neuron {seen.neuron}), match {seen.match:.3f}, ") + resonance,
-    )
-    _add_alternatives(rows, decision)
+    known = f"{seen.node}, match {seen.match:.3f}, ", resonance, f" (neuron {seen.neuron})"
+    rows.add_row("situation", Text.assemble(*known))
     if decision.goal:
         rows.add_row("goal", Text(goal_seen(decision.goal)))
-    ahead = "  ".join(f"{step.command}→{step.node}" for step in decision.sequence_ahead)
-    length = len(decision.sequence_ahead)
-    rows.add_row("best sequence", Text(printable(f"{length}: {ahead}" if length else "none")))
+    if plans:
+        _add_plan(rows, decision)
     total = Text(f"last {decision.reinforcement:.2f}  total {decision.total_reinforcement:.2f}  ")
     total.append(spark(reinforcements, 40), style="green")
     rows.add_row("reinforcement", total)
@@ -155,6 +156,13 @@ def _add_decision(rows: Table, decision: Decision, reinforcements: list[float]) 
         "odometry",
         f"x {pose.x:+.3f} m  y {pose.y:+.3f} m  heading {degrees(pose.heading):+.0f}°",
     )
+
+
+def _add_plan(rows: Table, decision: Decision) -> None:
+    _add_alternatives(rows, decision)
+    ahead = "  ".join(f"{step.command}→{step.node}" for step in decision.sequence_ahead)
+    length = len(decision.sequence_ahead)
+    rows.add_row("best sequence", Text(printable(f"{length}: {ahead}" if length else "none")))
 
 
 def _add_alternatives(rows: Table, decision: Decision) -> None:

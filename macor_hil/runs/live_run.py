@@ -54,7 +54,7 @@ from macor_hil.mind.planners.planner import Aim, Plan, Planner, Preparing, aim_o
 from macor_hil.runs.agent import Agent
 from macor_hil.runs.learning.learning_on import LearningOn, learning_on
 from macor_hil.runs.options import AfterCollision, RunOptions
-from macor_hil.runs.recovery import pause, wait_for, wait_until_both_work
+from macor_hil.runs.recovery import longer_and_longer, pause, wait_for, wait_until_both_work
 from macor_hil.runs.run_reporter import Ending, OnStep, RunReport, RunReporter
 from macor_hil.runs.trials import drive
 from macor_hil.safety.interruption import Interruption, signals_taken_over
@@ -69,9 +69,6 @@ _log = logging.getLogger(__name__)
 
 _IN_A_ROW: Final = 5
 """Failures without a command between them after which a run gives up, or takes its time."""
-
-_LONGEST_PAUSE: Final = 30.0
-"""Seconds between two attempts of a run that never gives up."""
 
 _SOON: Final = 8
 """Commands from one collision to the next after which a robot turns, too, before it goes on."""
@@ -315,7 +312,7 @@ class _LiveRun:
             RobotError, CameraError: the hardware fails.
         """
         _log.info("a collision after %d commands: it backs off", self._since_begin)
-        self._reporter.say(Phase.RECOVERING, "a collision; it backs off")
+        self._reporter.say(Phase.BACKING_OFF)
         drive_away(driver, rng, turn=self._since_begin < _SOON)
         self._reporter.move_to(self._robot.counters())
         self._stuck = self._stuck + 1 if self._since_begin == 1 else 0
@@ -347,14 +344,14 @@ class _LiveRun:
         patience = self._options.recovery
         while True:
             more = self._get_back(error, patience)
+            if more > 0:
+                pause(longer_and_longer(more), self._check)
             try:
                 self._reporter.move_to(self._robot.counters())
                 break
             except RobotError as again:
                 error = again
         self._reporter.recoveries += 1
-        if more > 0:
-            pause(min(2.0**more, _LONGEST_PAUSE), self._check)
 
     def _find(self) -> None:
         """Know where a robot stands that was stopped in mid-command.

@@ -18,6 +18,9 @@ _SLICE: Final = 1.0
 
 _PAUSE: Final = 0.2
 
+_LONGEST_PAUSE: Final = 30.0
+"""Seconds between two attempts of a run that never gives up."""
+
 
 def wait_until_both_work(
     robot: Robot,
@@ -98,6 +101,12 @@ def pause(seconds: float, check: Callable[[], None]) -> None:
     while time.monotonic() < end:
         check()
         time.sleep(_PAUSE)
+
+
+def longer_and_longer(attempt: int) -> float:
+    """Return seconds to stand before an attempt, from 1 on: twice as many each time, to a limit."""
+    # the exponent has a limit, too: attempts go on for weeks
+    return min(2.0 ** min(attempt, 10), _LONGEST_PAUSE)
 
 
 class TrainingRecovery:

@@ -9,7 +9,7 @@ defaults, bounds and descriptions are said in their models alone (`options`):
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import Annotated, Any, Final
@@ -65,18 +65,20 @@ def add_config(app: typer.Typer, service: str) -> None:
         """Check or print a TOML file of options, for --config.
 
         A file has a table for each command; without a table, options are those of the command that
-        the file is given to.
+        the file is given to: checked as those of COMMAND, or of the first one that has them all.
         """
         if check is None and not show:
             raise typer.BadParameter("give --check FILE, --print, or both")
         there = commands_of(context.parent)
         names = _known(commands or list(there), there)
-        tables = check_file(check, there, names[0] if commands else service) if check else {}
+        tables = check_file(check, there, service, commands) if check else {}
         if show:
             parts = [_printed(there[name], tables.get(name, {}), context) for name in names]
             typer.echo("\n".join(parts), nl=False)
         else:
-            typer.echo(f"{printable(str(check))}: {', '.join(tables) or 'nothing'} can be used")
+            where = printable(str(check))
+            used = f"can be used by {', '.join(tables)}" if tables else "has no options"
+            typer.echo(f"{where} {used}")
 
 
 def commands_of(program: Any) -> dict[str, Any]:
@@ -89,13 +91,16 @@ def commands_of(program: Any) -> dict[str, Any]:
     }
 
 
-def check_file(path: Path, commands: Mapping[str, Any], service: str) -> dict[str, dict[str, Any]]:
+def check_file(
+    path: Path, commands: Mapping[str, Any], service: str, named: Sequence[str] | None = None
+) -> dict[str, dict[str, Any]]:
     """Return what a file says of each command.
 
     Args:
         path: of the file.
         commands: those that there are.
-        service: the command that options without a table are of.
+        service: the command that options without a table are of, if it has them.
+        named: the command that they are of in any case, first.
 
     Raises:
         OptionError: the file cannot be read, names what there is not, or a value does not fit.
@@ -105,7 +110,8 @@ def check_file(path: Path, commands: Mapping[str, Any], service: str) -> dict[st
     tables = {name: value for name, value in document.items() if isinstance(value, dict)}
     flat = {name: value for name, value in document.items() if name not in tables}
     if flat:
-        tables[service] = {**flat, **tables.get(service, {})}
+        owner = named[0] if named else _owner(flat, commands, service)
+        tables[owner] = {**flat, **tables.get(owner, {})}
     made = {}
     for name, table in tables.items():
         try:
@@ -115,6 +121,19 @@ def check_file(path: Path, commands: Mapping[str, Any], service: str) -> dict[st
         except OptionError as error:
             raise OptionError(f"{where}: [{printable(name, 40)}] {error}") from None
     return made
+
+
+def _owner(flat: Mapping[str, Any], commands: Mapping[str, Any], service: str) -> str:
+    """Return the command that options without a table are of: the service where none has all."""
+
+    def has_them(name: str) -> bool:
+        try:
+            values_in(flat, commands[name])
+        except OptionError:
+            return False
+        return True
+
+    return next(filter(has_them, (service, *commands)), service)
 
 
 def _known(names: list[str], commands: Mapping[str, Any]) -> list[str]:

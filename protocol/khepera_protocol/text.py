@@ -5,6 +5,7 @@ the cursor or change colours; documents may take all memory. Nothing is read fro
 """
 
 import logging
+import re
 import tomllib
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -12,6 +13,9 @@ from typing import Any, Final
 
 MAX_DOCUMENT: Final = 1_000_000
 """Bytes of the longest TOML document that is parsed."""
+
+_DIGITS: Final = 20
+"""Digits of a number in a name that is sorted by its value."""
 
 
 class DocumentError(ValueError):
@@ -41,6 +45,11 @@ def printable(text: str | bytes, limit: int | None = None) -> str:
 def quoted(text: str, limit: int = 60) -> str:
     """Return foreign text for an error message: in quotes, safe for a terminal and cut."""
     return f"'{printable(text, limit)}'"
+
+
+def in_order(name: str) -> str:
+    """Return a key that sorts names as people do: robot-2 before robot-10."""
+    return re.sub(r"\d+", lambda number: number[0].zfill(_DIGITS), name)
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:

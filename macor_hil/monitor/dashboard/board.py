@@ -67,6 +67,8 @@ class Board:
         parts: Parts = {
             "driver": escape(driver.words),
             "driver@data-mood": driver.mood,
+            "reason": escape(driver.reason),
+            "reason@data-mood": driver.mood,
             # told when it is another one, not with every command
             "news": escape(f"{watched.robot}: {driver.brief.partition(' ')[0]}"),
             "equipment": texts.equipment(watched),

@@ -41,6 +41,7 @@ MOST: Final = 64 * MIB
 """Bytes of a record, and of a chunk when it is expanded."""
 
 _LONGEST_NAME: Final = 1024
+_LONGER: Final = "a part of it is longer than the whole"
 
 
 class Message(NamedTuple):
@@ -102,7 +103,7 @@ class Parts:
         """
         end = self._at + length
         if end > len(self._data):
-            raise DamageError("a part of it is longer than the whole")
+            raise DamageError(_LONGER)
         taken = bytes(self._data[self._at : end])
         self._at = end
         return taken
@@ -142,16 +143,22 @@ class Topics:
         Raises:
             DamageError: it cannot be read, or its channel is not known.
         """
-        parts = Parts(contents)
+        if opcode == _MESSAGE_OPCODE:
+            return self._message(contents)
         if opcode == CHANNEL:
+            parts = Parts(contents)
             number, _ = parts.number(2), parts.number(2)
             self._topics[number] = parts.text()
-        elif opcode == _MESSAGE_OPCODE:
-            number, sequence, log_time, publish_time = parts.numbers(_MESSAGE)
-            if number not in self._topics:
-                raise DamageError("it is of a channel that is not described")
-            return Message(self._topics[number], sequence, log_time, publish_time, parts.rest())
         return None
+
+    def _message(self, contents: bytes) -> Message:
+        if len(contents) < _MESSAGE.size:
+            raise DamageError(_LONGER)
+        number, sequence, log_time, publish_time = _MESSAGE.unpack_from(contents)
+        topic = self._topics.get(number)
+        if topic is None:
+            raise DamageError("it is of a channel that is not described")
+        return Message(topic, sequence, log_time, publish_time, contents[_MESSAGE.size :])
 
 
 def read_messages(file: BinaryIO) -> Iterator[Message | Damage]:
@@ -209,10 +216,18 @@ def _messages(topics: Topics, opcode: int, contents: bytes) -> Iterator[Message]
         if message is not None:
             yield message
         return
-    parts = Parts(_chunk(Parts(contents)))
-    while parts:
-        opcode, length = parts.numbers(HEAD)
-        message = topics.hear(opcode, parts.take(length))
+    # thousands of messages are read for a leap: no object is made for a part of one
+    records = _chunk(Parts(contents))
+    at, size = 0, len(records)
+    while at < size:
+        begin = at + HEAD.size
+        if begin > size:
+            raise DamageError(_LONGER)
+        opcode, length = HEAD.unpack_from(records, at)
+        at = begin + length
+        if at > size:
+            raise DamageError(_LONGER)
+        message = topics.hear(opcode, records[begin:at])
         if message is not None:
             yield message
 

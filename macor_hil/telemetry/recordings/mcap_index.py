@@ -40,13 +40,17 @@ class Chunk:
         start: time of its first message, ns.
         end: time of its last one, ns.
         place: byte of the file where it begins.
-        channels: where the indexes of its messages are, by the numbers of their channels.
     """
 
     start: int
     end: int
     place: int
-    channels: dict[int, int]
+    _channels: bytes
+
+    @property
+    def channels(self) -> dict[int, int]:
+        """Places of the indexes of its messages, by the numbers of their channels."""
+        return dict(_OFFSET.iter_unpack(self._channels))
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +106,9 @@ def latest_before(
             break
         if chunk.start >= time:
             continue
-        for number in missing & chunk.channels.keys():
-            when = _last_time(file, chunk.channels[number], number, time)
+        places = chunk.channels
+        for number in missing & places.keys():
+            when = _last_time(file, places[number], number, time)
             if when is not None:
                 latest[number] = when, chunk.place
         missing -= latest.keys()
@@ -156,9 +161,9 @@ def _read(file: BinaryIO) -> Index | None:
 def _chunk(record: bytes, limit: int) -> Chunk:
     start, end, place, _, size = _BOUNDS.unpack_from(record)
     offsets = record[_BOUNDS.size : _BOUNDS.size + size]
-    if len(offsets) != size or place >= limit:
+    if len(offsets) != size or size % _OFFSET.size or place >= limit:
         raise DamageError("its index leads out of it")
-    return Chunk(start, end, place, dict(_OFFSET.iter_unpack(offsets)))
+    return Chunk(start, end, place, offsets)
 
 
 def _record(file: BinaryIO, place: int) -> tuple[int, Parts]:

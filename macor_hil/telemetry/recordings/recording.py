@@ -12,10 +12,11 @@ import os
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Final, Self
+from typing import BinaryIO, Final, NamedTuple, Self
 
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from google.protobuf.message import DecodeError
@@ -176,7 +177,7 @@ def play_recording(
     events = _events(path, begin, tell=tell)
     first = next(events, None)
     if first is None:
-        raise RecordingError(f"{path} is no recording of a robot: no sample of one is in it")
+        raise RecordingError(f"{path} is not a recording of a robot: no sample of one is in it")
     robot, event = first
     return robot, chain([event], (event for name, event in events if name == robot))
 
@@ -237,6 +238,21 @@ class _LeftOut:
             _log.warning("%s: left out %s%s", path, self._first, more)
 
 
+class _Source(NamedTuple):
+    """The robot and the key that a topic is of."""
+
+    side: str
+    robot: str
+    leaf: str
+
+
+@lru_cache(maxsize=1000)
+def _source(topic: str) -> _Source | None:
+    """Return what a topic is of; None for topics of viewers, and of strangers."""
+    found = _TOPIC.fullmatch(topic)
+    return _Source(*found.groups()) if found else None
+
+
 def _events(path: Path, begin: float, *, tell: bool) -> Iterator[tuple[str, Event]]:
     """Read the events from a time on, with the names of their robots.
 
@@ -251,18 +267,18 @@ def _events(path: Path, begin: float, *, tell: bool) -> Iterator[tuple[str, Even
                 if isinstance(message, Damage):
                     left_out.add(f"a part at byte {message.place:,}: {message.reason}")
                     continue
-                topic = _TOPIC.fullmatch(message.topic)
-                room -= len(message.data) + (_EVENT if topic else 0)
+                source = _source(message.topic)
+                room -= len(message.data) + (_EVENT if source else 0)
                 if room < 0:
                     left_out.add("the rest: it expands to far more than a recording does")
                     return
                 try:
-                    event = _event(topic[1], topic[3], message) if topic else None
+                    event = _event(source, message) if source else None
                 except ValueError:
                     left_out.add(f"a sample of {message.topic}, which cannot be read")
                     continue
-                if topic and event:
-                    yield topic[2], event
+                if source and event:
+                    yield source.robot, event
     except InputError as error:
         raise RecordingError(f"cannot read {path}: {error}") from None
     except OSError as error:
@@ -294,11 +310,11 @@ def _messages(file: BinaryIO, begin: int) -> Iterator[Message | Damage]:
 def _latest(file: BinaryIO, index: Index, time: int) -> Iterator[Message]:
     """Read the latest message of each topic before a time, in the order of their times."""
     found: dict[str, Message] = {}
-    wanted = {number for number, topic in index.topics.items() if _TOPIC.fullmatch(topic)}
+    wanted = {number for number, topic in index.topics.items() if _source(topic)}
     for place in {place for _, place in latest_before(file, index, time, wanted).values()}:
         file.seek(place)
         for message in read_record(file, Topics(index.topics)):
-            if message.log_time < time and _TOPIC.fullmatch(message.topic):
+            if message.log_time < time and _source(message.topic):
                 last = found.get(message.topic)
                 if last is None or message.log_time >= last.log_time:
                     found[message.topic] = message
@@ -323,16 +339,17 @@ def _read_to(messages: Iterable[Message | Damage], begin: int) -> Iterator[Messa
     yield from sorted(latest.values(), key=lambda each: each.log_time)
 
 
-def _event(side: str, leaf: str, message: Message) -> Event | None:
+def _event(source: _Source, message: Message) -> Event | None:
     """Return the event of a message; None for messages of other kinds.
 
     Raises:
         ValueError: it cannot be read.
     """
+    side, _, leaf = source
     key = KEYS_BY_PLACE.get((side, leaf))
     if key is None:
         return None
-    if key == ALIVE[side]:
+    if leaf == ALIVE[side].leaf:
         alive = Alive.parse(message.data).alive
         return Presence(side, alive, message.log_time)
     if key.payload:

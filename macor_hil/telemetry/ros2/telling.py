@@ -16,7 +16,7 @@ _ABOVE: Final = 0.08
 _LETTERS: Final = 0.02
 """Metres: height of words above the floor, and of their letters."""
 
-_WARNED: Final = (Phase.LATE, Phase.RECOVERING)
+_WARNED: Final = (Phase.LATE, Phase.BACKING_OFF, Phase.RECOVERING)
 _BEST: Final = (1.0, 0.45, 0.0, 1.0)
 _OTHER: Final = (0.15, 0.45, 0.9, 0.7)
 _INK: Final = (0.1, 0.1, 0.1, 1.0)

@@ -140,6 +140,7 @@ class Phase(StrEnum):
     DRIVING = "driving"
     PAUSED = "paused"
     LATE = "late"
+    BACKING_OFF = "backing off"
     RECOVERING = "recovering"
     STOPPED = "stopped"
     FAILED = "failed"

@@ -153,7 +153,7 @@ FRAME: Final = Key(
     leaf="frame",
     what="The mirror image that is decided on.",
     media=("image/jpeg",),
-    published="before every decision, while someone listens",
+    published="before every decision (training: 4 a second at most), while someone listens",
 )
 DECISION: Final = Key(
     side=CONTROLLER,

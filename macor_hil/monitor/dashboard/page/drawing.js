@@ -14,6 +14,57 @@ export function put(parts, special) {
     else if (name.includes("/")) child(name, part);
     else if (at(name)) at(name).innerHTML = part ?? "";
   }
+  if (Object.keys(parts).some((name) => name.startsWith("bodies/"))) nameRobots();
+}
+
+// Where a robot's name may stand: x and y in radii of the body, shift of the text, and its anchor.
+const SIDES = {
+  below: [0, 1, "0", "1.2em", "middle"],
+  above: [0, -1, "0", "-0.5em", "middle"],
+  right: [1, 0, "0.4em", "0.35em", "start"],
+  left: [-1, 0, "-0.4em", "0.35em", "end"],
+};
+const sides = new Map(); // where each robot's name stood last
+
+// Names of robots that stand close make way for each other, and stay where they are if they can.
+function nameRobots() {
+  const robots = [...document.querySelectorAll("#bodies > g")];
+  const obstacles = document.querySelectorAll("#bodies circle, #ground .thing");
+  const taken = [...obstacles].map((each) => each.getBoundingClientRect());
+  for (const robot of robots) {
+    const text = robot.querySelector("text");
+    if (!text) continue;
+    const last = sides.get(robot.dataset.key) ?? "below";
+    const found = [last, ...Object.keys(SIDES)]
+      .map((side) => ({ side, hidden: hidden(stand(text, robot, side), taken) }))
+      .reduce((best, each) => (each.hidden < best.hidden ? each : best));
+    sides.set(robot.dataset.key, found.side);
+    taken.push(stand(text, robot, found.side));
+  }
+}
+
+function stand(text, robot, side) {
+  const radius = Number(robot.querySelector("circle").getAttribute("r"));
+  const [, x, y] = robot.querySelector("g[transform]").getAttribute("transform").match(/translate\((\S+) (\S+)\)/);
+  const [right, down, dx, dy, anchor] = SIDES[side];
+  text.setAttribute("x", Number(x) + right * radius);
+  text.setAttribute("y", Number(y) + down * radius);
+  text.setAttribute("dx", dx);
+  text.setAttribute("dy", dy);
+  text.style.textAnchor = anchor;
+  return text.getBoundingClientRect();
+}
+
+// The area of a box that others cover, and that lies outside of the drawing.
+function hidden(box, taken) {
+  const drawing = at("arena").getBoundingClientRect();
+  const area = (other) => {
+    const width = Math.min(box.right, other.right) - Math.max(box.left, other.left);
+    const height = Math.min(box.bottom, other.bottom) - Math.max(box.top, other.top);
+    return Math.max(width, 0) * Math.max(height, 0);
+  };
+  const all = box.width * box.height;
+  return taken.reduce((sum, other) => sum + area(other), all - area(drawing));
 }
 
 function attribute(id, name, value) {
@@ -50,13 +101,21 @@ function fold(card, empty) {
   card.open = empty === null && !folded().has(card.id);
 }
 
+// Fold and unfold the cards anew, such as when the window has become wide.
+export function foldAll() {
+  document.querySelectorAll("details.card").forEach((card) => {
+    card.open = !card.hasAttribute("data-empty") && !folded().has(card.id);
+  });
+}
+
 const KEY = "macor-folded";
+export const PHONE = matchMedia("(max-width: 699px)");
 const NARROW = ["columns-card", "health-card", "line-card", "rewards-card"];
 
 export function folded() {
   const kept = localStorage.getItem(KEY);
   if (kept !== null) return new Set(JSON.parse(kept));
-  return new Set(matchMedia("(max-width: 699px)").matches ? NARROW : []);
+  return new Set(PHONE.matches ? NARROW : []);
 }
 
 export function keepFolded(card) {
@@ -72,6 +131,7 @@ export function measure(svg) {
   if (!svg.clientWidth || !svg.clientHeight || !box.width) return;
   const mm = Math.max(box.width / svg.clientWidth, box.height / svg.clientHeight);
   svg.style.setProperty("--mm", mm);
+  if (svg.id === "arena") nameRobots();
 }
 
 export function cells(value) {

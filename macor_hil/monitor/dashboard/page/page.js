@@ -1,6 +1,6 @@
 // The page's connection: what has changed comes as parts, wishes go as JSON.
 
-import { cells, folded, keepFolded, look, measure, picture, put } from "./drawing.js";
+import { PHONE, cells, foldAll, keepFolded, look, measure, picture, put } from "./drawing.js";
 import { prepareSteering } from "./steering.js";
 
 const at = (id) => document.getElementById(id);
@@ -168,9 +168,10 @@ function prepare() {
     wish({ do: "choose", robot });
   });
   document.querySelectorAll("details.card").forEach((card) => {
-    card.open = card.open && !folded().has(card.id);
     card.querySelector("summary").addEventListener("click", () => setTimeout(() => keepFolded(card)));
   });
+  foldAll();
+  PHONE.addEventListener("change", foldAll);
   const sizes = new ResizeObserver((all) => all.forEach(({ target }) => measure(target)));
   document.querySelectorAll("svg.floor").forEach((svg) => sizes.observe(svg));
   document.addEventListener("keydown", key);

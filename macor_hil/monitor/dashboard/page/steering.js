@@ -34,6 +34,13 @@ function number(label, step) {
   return element("input", { type: "number", step, value: "0", ariaLabel: label });
 }
 
+// Tells whether all fields are filled; goes to the first one that is not.
+function filled(...fields) {
+  const empty = fields.find((field) => field.value.trim() === "");
+  empty?.focus();
+  return !empty;
+}
+
 export function prepareSteering({ planners, goals }, wish) {
   const planner = choice("planner", planners);
   const goal = choice("goal", goals);
@@ -57,15 +64,17 @@ export function prepareSteering({ planners, goals }, wish) {
   at("steering").append(
     group("Run", button("Pause", () => wish({ do: "pause" }), "at once"), button("Go on", () => wish({ do: "resume" })),
       button("Stop", () => wish({ do: "stop" }), "ends the run")),
-    group("Plan by", planner, button("Use planner", () => wish({ do: "planner", name: planner.value })),
-      goal, button("Drive to goal", () => wish({ do: "goal", name: goal.value }))),
+    group("Plan by", planner, button("Use planner", () => wish({ do: "planner", name: planner.value }))),
+    group("Goal", goal, button("Drive to goal", () => wish({ do: "goal", name: goal.value }))),
     group("Place", what, element("label", {}, "x ", x), element("label", {}, "y ", y), " cm",
       element("label", {}, "heading ", heading), "°",
-      button("Place", () => place(x.value / 100, y.value / 100, (heading.value * Math.PI) / 180)), mouse,
+      button("Place", () => {
+        if (filled(x, y, heading)) place(x.value / 100, y.value / 100, (heading.value * Math.PI) / 180);
+      }), mouse,
       button("At its start", () => wish({ do: "start" })), button("Anywhere", () => wish({ do: "random" }))),
     group("Faults", fault, element("datalist", { id: "fault-names" }, ...FAULTS.map((each) => element("option", { value: each }))),
-      button("On", () => wish({ do: "fault-on", words: fault.value })),
-      button("Off", () => wish({ do: "fault-off", words: fault.value.split(":")[0] }), "all faults of this kind")),
+      button("On", () => filled(fault) && wish({ do: "fault-on", words: fault.value })),
+      button("Off", () => filled(fault) && wish({ do: "fault-off", words: fault.value.split(":")[0] }), "all faults of this kind")),
   );
   at("steering").addEventListener("submit", (event) => event.preventDefault());
   new MutationObserver(() => {
