@@ -130,9 +130,9 @@ def main() -> None:
     elif trouble == "clock jumps":
         jump_about()
     forever = fields.pop("forever", False)
+    if (planner := fields.get("planner")) in OWN_PLANNERS:
+        fields["planner"] = OWN_PLANNERS[planner]
     options = RunOptions(**fields)
-    planner = OWN_PLANNERS.get(options.planner, options.planner)
-    options = options.model_copy(update={"planner": planner})
     while not run(options) and forever:
         pass
 
