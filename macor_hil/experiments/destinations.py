@@ -301,7 +301,6 @@ def _trial(
     return {
         **trial_as_json(driven),
         "reached": reached,
-        "most": most,
         "way": (driven.length if first is None else first) if reached else None,
         "kept": round(sum(since) / len(since), 3),
     }
@@ -316,7 +315,7 @@ def _all(results: Results, target: Target) -> list[Result]:
     ]
 
 
-def rows(_: Settings, results: Results) -> Iterator[Row]:
+def rows(settings: Settings, results: Results) -> Iterator[Row]:
     """Return one row for each trial."""
     for seed, result in results.items():
         for driven in result["driven"]:
@@ -332,7 +331,7 @@ def rows(_: Settings, results: Results) -> Iterator[Row]:
                         "start": number,
                         "shortest": driven["shortest"][number],
                         "commands": len(one["r"]),
-                        "asked": one["most"],
+                        "asked": _most(settings, driven["shortest"][number]),
                         "way": "" if one["way"] is None else one["way"],
                         "reached": int(one["reached"]),
                         "collided": int(one["collided"]),
@@ -421,7 +420,7 @@ def _table(settings: Settings, results: Results) -> Table:
         ways = sum(one["way"] for one, _ in reached)
         shortest = sum(least for _, least in reached)
         kept = [one["kept"] for one, _ in reached]
-        driven = [min(1.0, (len(one["path"]) - 1) / one["most"]) for one, _ in trials]
+        shares = [len(one["r"]) / _most(settings, least) for one, least in trials]
         along = destination(target.goal).along
         lines.append(
             (
@@ -432,7 +431,7 @@ def _table(settings: Settings, results: Results) -> Table:
                 f"{100 * sum(one['collided'] for one, _ in trials) / max(len(trials), 1):.1f} %",
                 f"{ways / max(shortest, 1):.2f}",
                 f"{100 * float(np.mean(kept)):.0f} %" if kept and along else "-",
-                f"{100 * float(np.mean(driven)):.0f} %" if along else "-",
+                f"{100 * float(np.mean(shares)):.0f} %" if along else "-",
             )
         )
     head = (

@@ -109,8 +109,8 @@ class NeuralGas:
 
     def situations_of(self, inputs: Array) -> Indices:
         """Return the nearest node of each input of shape (T, M), shape (T,); nothing is learned."""
-        apart = inputs[:, None] - self._weights
-        nodes: Indices = np.einsum("tkf,tkf->tk", apart, apart).argmin(axis=1)
+        _, distance = self._distances(inputs)
+        nodes: Indices = distance.argmin(axis=1)
         return nodes
 
     def centres(self) -> Array:
@@ -132,9 +132,9 @@ class NeuralGas:
         self.steps = steps
 
     def _distances(self, x: Array) -> tuple[Array, Array]:
-        """Return what separates an input from each node, shape (n, M), and its square, (n,)."""
-        apart = x - self._weights
-        return apart, np.einsum("kf,kf->k", apart, apart)
+        """Return what separates inputs from each node, shape (..., n, M), and its square."""
+        apart = x[..., None, :] - self._weights
+        return apart, np.einsum("...f,...f->...", apart, apart)
 
     def _adapt(self, apart: Array, distance: Array) -> None:
         epsilon, radius = self.annealing.at(self.steps)
