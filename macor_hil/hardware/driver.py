@@ -323,12 +323,12 @@ class Driver:
         robot.go_to(*target)
         start = robot.clock()
         duration = duration_of(settings, _longest(ways))
-        elapsed, patience = 0.0, settings.patience
+        deadline = _Deadline(duration, settings.patience)
         while True:
             self._guard()
             proximity = robot.proximity()
-            before, elapsed = elapsed, robot.clock() - start
-            patience = min(patience + _more_time(elapsed - before), _LONGEST * settings.patience)
+            elapsed = robot.clock() - start
+            late = deadline.passed(elapsed)
             if watch and is_touching(proximity, settings):
                 return proximity, True
             if elapsed < duration:
@@ -337,7 +337,7 @@ class Driver:
             if left.reached and right.reached:
                 return proximity, False
             self._check_remembered(left, right)
-            if elapsed > duration + patience:
+            if late:
                 return proximity, True
 
     def _watch(self, end: float) -> tuple[int, ...]:
@@ -362,9 +362,8 @@ class Driver:
         settings, robot = self.settings, self._robot
         longest = _longest(ways)
         robot.set_profile(*profiles_of(settings, ways))
-        looked = robot.clock()
-        arrived = looked + duration_of(settings, longest, leash)
-        end, latest = arrived + settings.patience, arrived + _LONGEST * settings.patience
+        start = robot.clock()
+        deadline = _Deadline(duration_of(settings, longest, leash), settings.patience)
         ahead = 0.0
         left = right = WheelStatus(reached=False, speed_mode=False, error=0)
         while not (ahead == longest and left.reached and right.reached):
@@ -376,9 +375,7 @@ class Driver:
             self._guard()
             proximity = robot.proximity()
             touching = watch and is_touching(proximity, settings)
-            before, looked = looked, robot.clock()
-            end = min(end + _more_time(looked - before), latest)
-            if touching or looked > end:
+            if deadline.passed(robot.clock() - start) or touching:
                 return proximity, True
             left, right = robot.status()
             self._check_remembered(left, right)
@@ -402,9 +399,24 @@ class Driver:
                 )
 
 
-def _more_time(between: float) -> float:
-    """Return seconds that a robot gets in addition where nobody looked for so long.
+class _Deadline:
+    """The time after which a robot that is not there has met something.
 
-    One that is steered from here has driven on meanwhile, and drives back.
+    One that is steered from here drives on while nobody looks, and drives back: it gets more time
+    where this computer was late, to a limit.
+
+    Args:
+        duration: seconds of the way.
+        patience: seconds that it may take beyond that.
     """
-    return 2.0 * max(0.0, between - _HELD_UP)
+
+    def __init__(self, duration: float, patience: float) -> None:
+        self._duration = duration
+        self._patience, self._most = patience, _LONGEST * patience
+        self._looked = 0.0
+
+    def passed(self, elapsed: float) -> bool:
+        """Tell whether it has passed at a look, so many seconds after the start."""
+        between, self._looked = elapsed - self._looked, elapsed
+        self._patience = min(self._patience + 2.0 * max(0.0, between - _HELD_UP), self._most)
+        return elapsed > self._duration + self._patience
