@@ -25,6 +25,7 @@ from macor_hil.experiments.suite.arenas import (
     Settings,
     lights_of,
 )
+from macor_hil.experiments.suite.share_map import share_map
 from macor_hil.experiments.suite.shares import cell
 from macor_hil.experiments.sweep.runner import reproduce
 from macor_hil.mind.memories.foresight import ForesightMemory
@@ -80,6 +81,9 @@ def test_the_report_tells_and_shows_every_arena(report: Path) -> None:
     assert "Trained in place, foresight is asked for at least 99 %" in text
     pictures = {path.name for path in report.parent.glob("arenas-*.png")}
     assert pictures == {
+        "arenas-shares-in-place.png",
+        "arenas-shares-other-light.png",
+        "arenas-shares-on-a-mixture.png",
         "arenas-in-place-maze-as-it-is.png",
         "arenas-on-a-mixture-generated-1-as-it-is.png",
     }
@@ -141,6 +145,30 @@ def test_a_cell_has_intervals_where_there_are_several_seeds() -> None:
     assert cell([(1, whole), (1, half)], "graded") == "75.0 %; 50 %"
     several = cell([(1, whole), (2, half)], "graded")
     assert several == "75.0 % (50.0 to 100.0); 50 % (0 to 100)"
+
+
+def test_the_map_of_shares_flatters_nobody() -> None:
+    whole, nearly = condition(10, collided=False), condition(9, collided=True)
+    walled_in = condition(1, collided=True) | {"possible": [[0, True]]}
+    some = condition(29, collided=False) | {"possible": [[100, True]]}
+    many = [(seed, whole) for seed in range(1, 250)]
+    figure = share_map(
+        {
+            "free": many,
+            "nearly": [*many, (250, nearly)],
+            "none": [(1, walled_in)],
+            "some": [(1, some)],
+        },
+        ["graded"],
+    )
+    (axes,) = figure.axes
+    assert [text.get_text() for text in axes.texts] == ["100 (0)", "99 (1)", "29 (0)"]
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == [
+        "free",
+        "nearly",
+        "none",
+        "some",
+    ]
 
 
 AMOUNTS_TINY = replace(

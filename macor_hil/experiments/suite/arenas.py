@@ -34,6 +34,7 @@ from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
+from macor_hil.experiments.suite.share_map import HOW_TO_READ_MAP, share_map
 from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
     cell,
@@ -232,8 +233,8 @@ def rows(_: Settings, results: Results) -> Iterator[Row]:
 
 
 def draw(_: Settings, results: Results) -> dict[str, Figure]:
-    """Draw the first trial of some systems in every arena, of the first seed."""
-    pictures = {}
+    """Draw all shares, and the first trial of some systems in every arena, of the first seed."""
+    pictures = {chapter.picture: share_map(chapter.rows, SYSTEMS) for chapter in _chapters(results)}
     for driven in next(iter(results.values()))["driven"]:
         if driven["light"] == AS_TRAINED:
             outline = Outline.model_validate(driven["outline"])
@@ -250,23 +251,18 @@ def _picture(driven: Result) -> str:
 def tell(settings: Settings, results: Results) -> list[Element]:
     """Tell what each system drives of what is possible."""
     drive = settings.drive
-    plain = _conditions(
-        results, lambda one: one["trained"] == IN_PLACE and one["light"] == AS_TRAINED
-    )
-    lit = _conditions(results, lambda one: one["light"] != AS_TRAINED)
-    away = _conditions(results, lambda one: one["trained"] == ELSEWHERE)
     blocks: list[Element] = [
         Text(
             f"{len(results)} training seeds, each another robot; {drive.random:,} random commands"
             f" of training, {settings.nodes} nodes; {settings.course.trials} trials of at most"
             f" {settings.course.commands} commands from starts near each arena's own."
             f" {HOW_TO_READ}"
-        ),
-        _table("Trained in place", plain, "arena", "look"),
-        *([_table("The same, driven under other light", lit, "light")] if lit else []),
-        *([_table("Trained on a mixture, driven where it never was", away, "arena")] * bool(away)),
-        Text(_verdict(plain, away)),
+        )
     ]
+    for chapter in _chapters(results):
+        blocks.append(_table(chapter))
+        blocks.append(Picture(chapter.picture, f"{chapter.title}. {HOW_TO_READ_MAP}"))
+    blocks.append(Text(_verdict(results)))
     first = next(iter(results.values()))["driven"]
     shown = [one for one in first if one["light"] == AS_TRAINED]
     return blocks + [Picture(_picture(one), _caption(one)) for one in shown]
@@ -281,12 +277,62 @@ def _caption(driven: Result) -> str:
     )
 
 
-def _table(title: str, conditions: Conditions, *by: str) -> Table:
-    lines = list(_by_name(conditions, *by).items())
-    if len(lines) > 1:
-        lines.append(("all", conditions))
-    cells = tuple((name, *(cell(group, system) for system in SYSTEMS)) for name, group in lines)
-    return Table(title, (", ".join(by), *SYSTEMS), cells)
+@dataclass(frozen=True, slots=True)
+class _Chapter:
+    """Conditions that a table and a picture compare, by the names of their rows."""
+
+    title: str
+    picture: str
+    by: str
+    rows: dict[str, Conditions]
+
+
+def _chapters(results: Results) -> list[_Chapter]:
+    """Return what there are results of: in place, under other light, elsewhere."""
+    found = (
+        ("Trained in place", "shares-in-place", _in_place(results), ("arena", "look")),
+        (
+            "The same, driven under other light",
+            "shares-other-light",
+            _conditions(results, lambda one: one["light"] != AS_TRAINED),
+            ("light",),
+        ),
+        (
+            "Trained on a mixture, driven where it never was",
+            "shares-on-a-mixture",
+            _elsewhere(results),
+            ("arena",),
+        ),
+    )
+    return [
+        _Chapter(title, picture, ", ".join(by), _with_all(_by_name(conditions, *by)))
+        for title, picture, conditions, by in found
+        if conditions
+    ]
+
+
+def _in_place(results: Results) -> Conditions:
+    return _conditions(
+        results, lambda one: one["trained"] == IN_PLACE and one["light"] == AS_TRAINED
+    )
+
+
+def _elsewhere(results: Results) -> Conditions:
+    return _conditions(results, lambda one: one["trained"] == ELSEWHERE)
+
+
+def _with_all(groups: dict[str, Conditions]) -> dict[str, Conditions]:
+    """Add a last row of all together, where there are several."""
+    if len(groups) == 1:
+        return groups
+    return groups | {"all": [one for group in groups.values() for one in group]}
+
+
+def _table(chapter: _Chapter) -> Table:
+    cells = tuple(
+        (name, *(cell(group, system) for system in SYSTEMS)) for name, group in chapter.rows.items()
+    )
+    return Table(chapter.title, (chapter.by, *SYSTEMS), cells)
 
 
 def _by_name(conditions: Conditions, *by: str) -> dict[str, Conditions]:
@@ -297,9 +343,9 @@ def _by_name(conditions: Conditions, *by: str) -> dict[str, Conditions]:
     return groups
 
 
-def _verdict(plain: Conditions, away: Conditions) -> str:
+def _verdict(results: Results) -> str:
     said = []
-    for trained, conditions in ((IN_PLACE, plain), (ELSEWHERE, away)):
+    for trained, conditions in ((IN_PLACE, _in_place(results)), (ELSEWHERE, _elsewhere(results))):
         if not conditions:
             continue
         least, most = GOALS[trained]
