@@ -198,6 +198,15 @@ def test_drives_that_have_come_to_the_same_square_go_on_as_one() -> None:
     assert drives[9].poses < 2_000
 
 
+@pytest.mark.parametrize(("commands", "whole"), [(1, 1), (10, 10), (13, 12), (21, 20), (42, 42)])
+def test_shorter_drives_are_the_beginnings_of_the_longest(commands: int, whole: int) -> None:
+    drives = hypothetical_drives(IN_HEIGHTS, commands)
+    assert sum(stride.commands for stride in drives) == whole
+    for short, stride in zip(drives, hypothetical_drives(IN_HEIGHTS), strict=False):
+        assert short.poses == stride.poses
+        assert np.array_equal(short.ways, stride.ways)
+
+
 def square_room(half: float, columns: int = 120) -> Array:
     angles = azimuths(columns)
     return np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles))) / half
@@ -226,18 +235,21 @@ def test_commands_are_worth_what_the_floor_allows(maze_map: Path) -> None:
     to_the_left = np.maximum(np.maximum(ahead, aside), 1 / 25)
     left, right, straight = (COMMANDS.index(each) for each in (LEFT, RIGHT, STRAIGHT))
 
-    def worth(floor: Array) -> list[float]:
+    def worth(floor: Array, planner: Foresight) -> list[float]:
         now = moment()
-        plan = Foresight().plan(memory, type(now)(now.raw, now.features, now.resonance, 0, floor))
+        plan = planner.plan(memory, type(now)(now.raw, now.features, now.resonance, 0, floor))
         return [value if value is not None else np.nan for value in plan.evaluations]
 
-    far = worth(np.full(120, 1 / 25))
+    whole = Foresight()
+    far = worth(np.full(120, 1 / 25), whole)
     assert far[straight] == max(far)
     assert far[straight] == pytest.approx(42 * 0.62, abs=0.5)
-    blocked = worth(to_the_left)
+    near = worth(np.full(120, 1 / 25), Foresight(ahead=6))
+    assert near[straight] == pytest.approx(6 * 0.62, abs=0.1)
+    blocked = worth(to_the_left, whole)
     assert blocked[right] == max(blocked)
     assert blocked[left] < blocked[right] - 1.0
-    mirrored = worth(to_the_left[::-1])
+    mirrored = worth(to_the_left[::-1], whole)
     assert mirrored[left] == max(mirrored)
 
 

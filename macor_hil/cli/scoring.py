@@ -83,8 +83,8 @@ class ReproduceOptions(Options):
 
     name: Annotated[str, Cli(argument=True)] = Field(
         description="figure2 to figure5 or table1 of the paper; conditions, sensitivity, beyond,"
-        " goals, destinations, drift, arenas, amounts; peers, which needs the extra of that name;"
-        " or all but peers."
+        " goals, destinations, drift, arenas, amounts, ablation; peers, which needs the extra of"
+        " that name; or all but peers."
     )
     seeds: int = Field(default=30, ge=1, description="Training seeds: 1 to this number.")
     workers: Annotated[int | None, Cli(show_default="one for each processor")] = Field(

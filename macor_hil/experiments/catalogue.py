@@ -21,6 +21,7 @@ from macor_hil.experiments.paper.figure5 import FIGURE5
 from macor_hil.experiments.paper.sensitivity.experiment import SENSITIVITY
 from macor_hil.experiments.paper.table1 import TABLE1
 from macor_hil.experiments.peers import PEERS
+from macor_hil.experiments.suite.ablation import ABLATION
 from macor_hil.experiments.suite.amounts import AMOUNTS
 from macor_hil.experiments.suite.arenas import ARENAS
 
@@ -38,6 +39,7 @@ EXPERIMENTS: Final[tuple[Experiment, ...]] = (
     DRIFT,
     ARENAS,
     AMOUNTS,
+    ABLATION,
     PEERS,
 )
 

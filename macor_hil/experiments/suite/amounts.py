@@ -32,6 +32,7 @@ from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
+    by_arena,
     cell,
     compared_rows,
     drive_all,
@@ -108,14 +109,6 @@ def _name(system: str, amount: int) -> str:
     return f"{system}, {amount:,} {UNIT[system]}"
 
 
-def _by_arena(results: Results) -> dict[str, list[tuple[int, Result]]]:
-    groups: dict[str, list[tuple[int, Result]]] = {}
-    for seed, result in results.items():
-        for one in result["driven"]:
-            groups.setdefault(f"{one['arena']}, {one['look']}", []).append((seed, one))
-    return groups
-
-
 def rows(settings: Settings, results: Results) -> Iterator[Row]:
     """Yield one row for each trial."""
     for seed, result in results.items():
@@ -128,7 +121,7 @@ def rows(settings: Settings, results: Results) -> Iterator[Row]:
 
 def draw(settings: Settings, results: Results) -> dict[str, Figure]:
     """Draw the share of what was possible against the amounts, one panel for each arena."""
-    groups = _by_arena(results)
+    groups = by_arena(results)
     figure = Figure(figsize=(4.0 * len(groups), 6.6), layout="constrained")
     axes = figure.subplots(2, len(groups), squeeze=False, sharey=True)
     for column, (name, conditions) in enumerate(groups.items()):
@@ -184,7 +177,7 @@ def _caption(settings: Settings, results: Results) -> str:
         most = max(amount for name, amount in settings.amounts if name == system)
         shares = {
             arena: float(np.mean(shares_by_seed(conditions, _name(system, most))[0]))
-            for arena, conditions in _by_arena(results).items()
+            for arena, conditions in by_arena(results).items()
         }
         arena = min(shares, key=shares.__getitem__)
         worst[_name(system, most)] = f"{100 * shares[arena]:.0f} % in {arena}"
@@ -196,7 +189,7 @@ def _caption(settings: Settings, results: Results) -> str:
 
 
 def _table(title: str, settings: Settings, results: Results, systems: tuple[str, ...]) -> Table:
-    groups = _by_arena(results)
+    groups = by_arena(results)
     lines = tuple(
         (name, *(cell(conditions, name) for conditions in groups.values()))
         for system, amount in settings.amounts

@@ -32,6 +32,9 @@ class Series(NamedTuple):
 SERIES: Final = (Series(6, 1, 0.0), Series(4, 1, 0.16), Series(6, 2, 0.4), Series(5, 4, 0.8))
 """42 commands: a trial's forty, and a little."""
 
+MOST_AHEAD: Final = sum(each.strides * each.commands for each in SERIES)
+"""Commands of all of them."""
+
 _SAME: Final = 1e-4
 """Heights within which two places are the same."""
 
@@ -56,27 +59,32 @@ class Stride:
     poses: int
 
 
-def hypothetical_drives(motions: Array) -> list[Stride]:
-    """Return all strides of the drives that commands of given motions make possible."""
+def hypothetical_drives(motions: Array, commands: int = MOST_AHEAD) -> list[Stride]:
+    """Return all strides of the drives that commands of given motions make possible.
+
+    Args:
+        motions: of each command, shape (m, 3).
+        commands: how many are looked ahead at most; as many whole strides as they are enough for.
+    """
     turns = np.array([np.sign(command.turn) for command in COMMANDS], dtype=np.int64)
     pose, turned = np.zeros((1, 3)), np.zeros(1, dtype=np.int64)
     drives: list[Stride] = []
     ahead = 0
-    for strides, commands, square in SERIES:
-        for _ in range(strides):
+    for strides, each, square in SERIES:
+        for _ in range(min(strides, (commands - ahead) // each)):
             at = np.tile(pose, (len(motions), 1))
             motion = np.repeat(motions, len(pose), axis=0)
             way = []
-            for _ in range(commands):
+            for _ in range(each):
                 at = moved(at, motion)
                 way.append(at[:, :2])
-            sums = np.tile(turned, len(turns)) + commands * np.repeat(turns, len(turned))
-            first, ends = _alike(at, sums // commands, square or _SAME)
-            before = ahead + (commands - 1) / 2
+            sums = np.tile(turned, len(turns)) + each * np.repeat(turns, len(turned))
+            first, ends = _alike(at, sums // each, square or _SAME)
+            before = ahead + (each - 1) / 2
             ends = ends.reshape(len(motions), -1)
-            drives.append(Stride(commands, before, np.stack(way), ends, len(first)))
+            drives.append(Stride(each, before, np.stack(way), ends, len(first)))
             pose, turned = at[first], sums[first]
-            ahead += commands
+            ahead += each
     return drives
 
 

@@ -22,7 +22,7 @@ from pydantic import Field
 from macor_hil.arrays import Array, Indices
 from macor_hil.commands import COMMANDS
 from macor_hil.mind.experience import Moment
-from macor_hil.mind.foresight.drives import Stride, hypothetical_drives
+from macor_hil.mind.foresight.drives import MOST_AHEAD, Stride, hypothetical_drives
 from macor_hil.mind.foresight.floor import clearance, solids
 from macor_hil.mind.foresight.skill import Skill
 from macor_hil.mind.foresight.view import CLEARANCES, UNSEEN, bins_of, cells_of, raster
@@ -67,16 +67,19 @@ class Foresight:
     """Expected reinforcement of the next 42 commands.
 
     Args:
+        ahead: how many commands it looks ahead at most, in strides that grow (`foresight.drives`).
         hazard: chance that a command into what is hidden ends in a collision.
         memory: name of the memory that it reads.
     """
 
     def __init__(
         self,
+        ahead: Annotated[int, Field(ge=1, le=MOST_AHEAD)] = MOST_AHEAD,
         hazard: Annotated[float, Field(ge=0.0, le=1.0)] = 0.03,
         memory: str = "foresight",
     ) -> None:
         self.memory = memory
+        self._ahead = ahead
         self._hazard = hazard
         self._skill: Skill | None = None
         self._drives: list[_Foreseen] = []
@@ -94,7 +97,8 @@ class Foresight:
     def _prepare(self, skill: Skill) -> None:
         """Compute what does not depend on what is seen."""
         self._drives = [
-            self._foreseen(stride, skill) for stride in hypothetical_drives(skill.motions)
+            self._foreseen(stride, skill)
+            for stride in hypothetical_drives(skill.motions, self._ahead)
         ]
         self._first = np.concatenate([each.stride.ways[0] for each in self._drives[:_EXACT]])
         self._skill = skill
