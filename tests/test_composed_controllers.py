@@ -158,7 +158,7 @@ def test_parts_of_a_file_are_used_where_they_are_allowed(tmp_path: Path) -> None
     [
         (("--clusterer", "fuzy-art"), "no clusterer 'fuzy-art'; did you mean fuzzy-art?"),
         (("--eyes", "mine.py:Eyes"), "there is no Python file"),
-        (("--memory", "a.py:Mine"), "give NAME=PART"),
+        (("--memory", "a.py:Mine"), "is not NAME=PART"),
         (("--memory", "diary"), "no memory 'diary'"),
         (("--planner", "bold"), "no planner 'bold'"),
         (("--planner", "\udcff"), r"no planner '\udcff'"),

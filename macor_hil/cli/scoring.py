@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from khepera_protocol.options import Cli, takes
 from khepera_protocol.zenoh.payloads import Reset
-from pydantic import Field, field_validator
+from pydantic import Field
 from rich import box
 from rich.console import Console
 from rich.progress import (
@@ -35,7 +35,7 @@ from macor_hil.hardware.options import Options
 from macor_hil.mind.brain import Brain
 from macor_hil.mind.catalogue import PLANNERS, memory_for
 from macor_hil.mind.map_file import load_map
-from macor_hil.mind.options import PartSettings, known
+from macor_hil.mind.options import PartSettings, PlannerNames
 from macor_hil.mind.planners.planner import Aiming, Planner
 from macor_hil.runs.agent import Agent
 from macor_hil.runs.options import TrialOptions
@@ -50,15 +50,10 @@ class ScoredPlanners(PartSettings):
     """Planners that are scored."""
 
     planner: Annotated[
-        tuple[str, ...], Cli(names=PLANNERS.names, show_default="all without a goal")
+        PlannerNames, Cli(names=PLANNERS.names, show_default="all without a goal")
     ] = Field(
         default=(), description="Planner; give several: {names}; or module:Class, file.py:Class."
     )
-
-    @field_validator("planner")
-    @classmethod
-    def _are_planners(cls, planners: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(known(each, PLANNERS) for each in planners)
 
     def names_for(self, brain: Brain) -> list[str]:
         """List the planners, or all whose memory a brain has, but for those that drive to a goal.
@@ -95,7 +90,7 @@ class ReproduceOptions(Options):
         description="Scheduler of a dask cluster that does the work instead, such as"
         " tcp://127.0.0.1:8786; its workers share the folder of --out.",
     )
-    planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names)] = Field(
+    planner: Annotated[PlannerNames, Cli(names=PLANNERS.names)] = Field(
         default=(),
         description="A planner that gets a row of its own in table 1: {names}, module:Class or"
         " file.py:Class. It reads a memory that the table's systems learn.",

@@ -12,7 +12,7 @@ from khepera_protocol.mirror import Mirror
 from khepera_protocol.options import Cli
 from khepera_protocol.registry import Registry, RegistryError, is_own_code
 from khepera_protocol.text import printable, quoted
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 from pydantic_core import from_json
 
 from macor_hil.errors import MacorError
@@ -63,6 +63,27 @@ class PartSettings(BaseModel):
             part, _, setting = name.rpartition(".")
             parts.setdefault(part, {})[setting] = _value(text)
         return parts
+
+
+def known(name: str, parts: Registry) -> str:
+    """Return the name of a part that there is; nothing is imported.
+
+    Raises:
+        ValueError: there is none.
+    """
+    try:
+        parts.where(name)
+    except RegistryError as error:
+        raise ValueError(str(error)) from None
+    return name
+
+
+def _known_planners(names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(known(name, PLANNERS) for name in names)
+
+
+PlannerNames = Annotated[tuple[str, ...], AfterValidator(_known_planners)]
+"""Several planners."""
 
 
 class PlannerOptions(PartSettings):
@@ -117,7 +138,7 @@ class MindOptions(PartSettings):
         tuple[str, ...],
         Cli(metavar="NAME[=PART]", names=MEMORIES.names, show_default="those of all planners"),
     ] = Field(default=(), description="A memory that learns: {names}.")
-    planner: Annotated[tuple[str, ...], Cli(names=PLANNERS.names)] = Field(
+    planner: Annotated[PlannerNames, Cli(names=PLANNERS.names)] = Field(
         default=(), description="Learn the memory that this planner reads, and no others: {names}."
     )
 
@@ -131,10 +152,12 @@ class MindOptions(PartSettings):
     def _is_a_clusterer(cls, clusterer: str) -> str:
         return known(clusterer, CLUSTERERS)
 
-    @field_validator("planner")
+    @field_validator("memory")
     @classmethod
-    def _are_planners(cls, planners: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(known(each, PLANNERS) for each in planners)
+    def _are_memories(cls, memories: tuple[str, ...]) -> tuple[str, ...]:
+        for each in memories:
+            known(_memory(each)[1].use, MEMORIES)
+        return memories
 
     def mind_settings(self, mirror: Mirror | None = None) -> MindSettings:
         """Return the settings of the brain that is composed.
@@ -166,21 +189,8 @@ class MindOptions(PartSettings):
         for name in self.planner:
             memory = make_planner(name, **settings).memory
             if memory not in memories:
-                memories |= [_memory(memory)]
+                memories |= [_memory_of(name, memory)]
         return memories or _DEFAULT.memories
-
-
-def known(name: str, parts: Registry) -> str:
-    """Return the name of a part that there is; nothing is imported.
-
-    Raises:
-        ValueError: there is none.
-    """
-    try:
-        parts.where(name)
-    except RegistryError as error:
-        raise ValueError(str(error)) from None
-    return name
 
 
 def _refuse(given: Mapping[str, Any], known: Iterable[str]) -> None:
@@ -192,17 +202,28 @@ def _refuse(given: Mapping[str, Any], known: Iterable[str]) -> None:
 
 
 def _memory(text: str) -> tuple[str, Part]:
-    """Parse NAME or NAME=PART."""
+    """Parse NAME or NAME=PART.
+
+    Raises:
+        ValueError: it is neither.
+    """
     name, equals, use = text.partition("=")
     if equals and name and use:
         return name, Part(use)
     if name in _DEFAULT.memories:
         return name, _DEFAULT.memories[name]
     if equals or is_own_code(name):
-        raise MacorError(
-            f"--memory {printable(text, 80)}: give NAME=PART, where NAME is what planners ask for"
+        raise ValueError(
+            f"{quoted(text, 80)} is not NAME=PART, where NAME is what planners ask for"
         )
     return name, Part(name)
+
+
+def _memory_of(planner: str, memory: str) -> tuple[str, Part]:
+    try:
+        return _memory(memory)
+    except ValueError as error:
+        raise MacorError(f"the memory of --planner {printable(planner, 80)}: {error}") from None
 
 
 def _value(text: str) -> Any:

@@ -15,16 +15,17 @@ from textwrap import wrap
 from typing import Annotated, Any, Final
 
 import typer
+from pydantic import ValidationError
 
 from khepera_protocol.options import (
     CONFIG,
     OptionError,
-    checked,
     outside,
     read_document,
     values_in,
 )
 from khepera_protocol.text import did_you_mean, printable, quoted
+from khepera_protocol.validation import problems
 
 _WIDTH: Final = 98
 
@@ -147,15 +148,14 @@ def _known(names: list[str], commands: Mapping[str, Any]) -> list[str]:
 
 
 def _check(command: Any, values: Mapping[str, Any]) -> None:
-    given = dict(values)
     for model in command.callback.models:
-        own = {name: given[name] for name in model.model_fields if name in given}
-        # what a command must be given may stand on its command line
-        missing = {
-            name for name, field in model.model_fields.items() if field.is_required()
-        } - own.keys()
-        if not missing:
-            checked(model, own, outside)
+        own = {name: values[name] for name in model.model_fields if name in values}
+        try:
+            model.model_validate(own)
+        except ValidationError as error:
+            # what a command must be given may stand on its command line
+            if wrong := problems(error, outside, partly=True):
+                raise OptionError(wrong) from None
 
 
 def _printed(command: Any, values: Mapping[str, Any], context: typer.Context) -> str:

@@ -22,14 +22,17 @@ def first_fault(error: ValidationError, whole: str = "") -> str:
     return _told(_faults(error)[0], whole=whole)
 
 
-def problems(error: ValidationError, name: Callable[[object], str] = str) -> str:
+def problems(
+    error: ValidationError, name: Callable[[object], str] = str, *, partly: bool = False
+) -> str:
     """Return everything that is wrong, at most three things one by one.
 
     Args:
         error: of a model.
         name: says what a field of the model is called outside.
+        partly: fields may be missing; where nothing else is wrong the text is empty.
     """
-    faults = _faults(error)
+    faults = [one for one in _faults(error) if not (partly and one["type"] == "missing")]
     said = "; ".join(_told(fault, name) for fault in faults[:_MOST])
     more = len(faults) - _MOST
     return f"{said}; and {more} more" if more > 0 else said
