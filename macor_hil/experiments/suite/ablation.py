@@ -6,7 +6,6 @@ changed is what the planner is given of that, and how far ahead it looks.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from textwrap import fill
 from typing import Any, Final
 
@@ -15,20 +14,19 @@ from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
 from macor_hil.arrays import Array
-from macor_hil.experiments.drives.arena_files import Place, shipped
+from macor_hil.experiments.drives.arena_files import Place
 from macor_hil.experiments.drives.course import Course, System
-from macor_hil.experiments.drives.systems import FORESIGHT, Learning, learn_foresight
-from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recordings
+from macor_hil.experiments.drives.systems import FORESIGHT, learn_foresight
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
+from macor_hil.experiments.suite.in_place import InPlace, by_arena, driven, drives, parts
 from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
-    by_arena,
     cell,
     compared_rows,
-    drive_all,
     trials_of,
 )
 from macor_hil.mind.experience import Moment
@@ -57,16 +55,15 @@ class Changed:
         self,
         skill: Skill | None,
         see: Callable[[Array], Array] = lambda floor: floor,
-        planner: Foresight | None = None,
     ) -> None:
         self.skill = skill
         self._see = see
-        self._planner = planner or Foresight()
+        self._foresight = Foresight()
 
     def plan(self, _memory: Any, now: Moment) -> Plan:
         """Evaluate the commands by what it is given."""
         floor = None if now.floor is None else self._see(now.floor)
-        return self._planner.plan(self, replace(now, floor=floor))
+        return self._foresight.plan(self, replace(now, floor=floor))
 
 
 def averaged(floor: Array) -> Array:
@@ -102,46 +99,25 @@ DRAWN: Final = (AS_IT_IS, "6 commands ahead", A_LIMIT, AVERAGED)
 
 
 @dataclass(frozen=True)
-class Settings(Learning):
+class Settings(InPlace):
     """Arenas that the changes are tried in."""
 
-    drive: Drive = field(default_factory=Drive)
-    """The training drive in each arena."""
     homes: tuple[Place, ...] = (Place("maze"), Place("hairpin"), Place("narrow-passage"))
-    """Arenas of training and of trials."""
+    """Arenas of training and of trials, in which others than foresight fail."""
     course: Course = field(default_factory=lambda: Course(trials=5))
     """The trials of each change in each arena."""
-
-    @property
-    def arenas(self) -> tuple[str, ...]:
-        """Arenas that come as files; all others follow from code."""
-        return shipped(self.homes)
-
-
-def drives(settings: Settings, arenas: Path) -> list[Drive]:
-    """Return the training drives of a seed."""
-    return [replace(settings.drive, arena=place.file(arenas)) for place in settings.homes]
-
-
-def parts(settings: Settings) -> list[Settings]:
-    """Return each home by itself."""
-    return [replace(settings, homes=(home,)) for home in settings.homes]
 
 
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn from the drives of a seed, and drive the trials of all changes."""
-    driven: list[Result] = []
-    for place in settings.homes:
-        arena = place.file(recordings.arenas)
-        recording = recordings.of(replace(settings.drive, arena=arena))[seed]
-        brain = learn_foresight(settings, recording).brain
-        memory = brain.memories[FORESIGHT]
-        assert isinstance(memory, ForesightMemory)
-        systems = {name: System(brain, made(memory.skill)) for name, made in CHANGES.items()}
-        course = replace(settings.course, arena=arena)
-        condition = drive_all(systems, course, seed, settings.drive)
-        driven.append({"arena": place.name, "look": place.look} | condition)
-    return {"driven": driven}
+    return driven(settings, seed, recordings, _systems)
+
+
+def _systems(settings: Settings, recording: Recording, _: int) -> dict[str, System]:
+    brain = learn_foresight(settings, recording).brain
+    memory = brain.memories[FORESIGHT]
+    assert isinstance(memory, ForesightMemory)
+    return {name: System(brain, made(memory.skill)) for name, made in CHANGES.items()}
 
 
 def rows(_: Settings, results: Results) -> Iterator[Row]:

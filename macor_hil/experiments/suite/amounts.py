@@ -6,59 +6,45 @@ than the paper's fifty; foresight, which has no situations, with fewer commands.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.drives.arena_files import Place, shipped
+from macor_hil.experiments.drives.arena_files import Place
 from macor_hil.experiments.drives.course import Course, System
 from macor_hil.experiments.drives.systems import (
     EXPECTED,
     FORESIGHT,
     GRADED,
-    Learning,
     learn_foresight,
     learn_situations,
 )
-from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
+from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Recording, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.drawing import draw_interval
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.report.statistics import estimate, mean
 from macor_hil.experiments.results.store import Result, Results
+from macor_hil.experiments.suite.in_place import InPlace, by_arena, driven, drives, parts
 from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
-    by_arena,
     cell,
     compared_rows,
-    drive_all,
     shares_by_seed,
 )
 
 
 @dataclass(frozen=True)
-class Settings(Learning):
-    """Arenas, and the amounts that are tried there."""
+class Settings(InPlace):
+    """The amounts that are tried."""
 
-    drive: Drive = field(default_factory=Drive)
-    """The training drive in each arena."""
-    homes: tuple[Place, ...] = (Place("corridor"), Place("maze"), Place("hairpin"))
-    """Arenas of training and of trials."""
     situations: tuple[int, ...] = (20, 50, 100, 200)
     """Numbers of situations that expected values are learned with, from the whole drive."""
     commands: tuple[int, ...] = (250, 500, 1_000, 3_000, 13_000)
     """Numbers of commands, from the drive's beginning on, that foresight learns from."""
-    course: Course = field(default_factory=Course)
-    """The trials of each system in each arena."""
-
-    @property
-    def arenas(self) -> tuple[str, ...]:
-        """Arenas that come as files; all others follow from code."""
-        return shipped(self.homes)
 
     @property
     def amounts(self) -> tuple[tuple[str, int], ...]:
@@ -70,27 +56,9 @@ class Settings(Learning):
 UNIT: Final = {EXPECTED: "situations", GRADED: "situations", FORESIGHT: "training commands"}
 
 
-def drives(settings: Settings, arenas: Path) -> list[Drive]:
-    """Return the training drives of a seed."""
-    return [replace(settings.drive, arena=place.file(arenas)) for place in settings.homes]
-
-
-def parts(settings: Settings) -> list[Settings]:
-    """Return each home by itself."""
-    return [replace(settings, homes=(home,)) for home in settings.homes]
-
-
 def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     """Learn with all amounts from the drives of a seed, and drive the trials."""
-    driven: list[Result] = []
-    for place in settings.homes:
-        arena = place.file(recordings.arenas)
-        recording = recordings.of(replace(settings.drive, arena=arena))[seed]
-        course = replace(settings.course, arena=arena)
-        systems = _systems(settings, recording, seed)
-        condition = drive_all(systems, course, seed, settings.drive)
-        driven.append({"arena": place.name, "look": place.look} | condition)
-    return {"driven": driven}
+    return driven(settings, seed, recordings, _systems)
 
 
 def _systems(settings: Settings, recording: Recording, seed: int) -> dict[str, System]:

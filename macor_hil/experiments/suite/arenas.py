@@ -15,7 +15,7 @@ import numpy as np
 from khepera_protocol.zenoh.payloads import Outline
 from matplotlib.figure import Figure
 
-from macor_hil.experiments.drives.arena_files import Place, bundled_arenas, shipped
+from macor_hil.experiments.drives.arena_files import Place, bundled_arenas
 from macor_hil.experiments.drives.course import Course, Lighting, System
 from macor_hil.experiments.drives.systems import (
     ANTICIPATIVE,
@@ -25,7 +25,6 @@ from macor_hil.experiments.drives.systems import (
     GRADED,
     REACTIVE,
     SUCCESSOR,
-    Learning,
     Q,
     learn_all,
 )
@@ -34,6 +33,8 @@ from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
+from macor_hil.experiments.suite import in_place
+from macor_hil.experiments.suite.in_place import InPlace
 from macor_hil.experiments.suite.share_map import HOW_TO_READ_MAP, share_map
 from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
@@ -78,11 +79,12 @@ def _homes() -> tuple[Place, ...]:
 
 
 @dataclass(frozen=True)
-class Settings(Learning):
-    """Settings of the suite: trainings, arenas and trials."""
+class Settings(InPlace):
+    """Settings of the suite: trainings, arenas and trials.
 
-    drive: Drive = field(default_factory=Drive)
-    """The training drive in each arena; of a mixture all drives together are as long."""
+    All drives of the mixture together are as long as one in place.
+    """
+
     homes: tuple[Place, ...] = field(default_factory=_homes)
     """Arenas of training and of trials: all bundled ones, each also with a colour of its own on
     every wall, and generated ones."""
@@ -93,13 +95,6 @@ class Settings(Learning):
     lights: tuple[Lighting, ...] = tuple(name for name in LIGHTS if name != AS_TRAINED)
     """Lights that systems are driven in beside the one of their training, where an arena is driven
     as it comes."""
-    course: Course = field(default_factory=Course)
-    """The trials of each system in each arena."""
-
-    @property
-    def arenas(self) -> tuple[str, ...]:
-        """Arenas that come as files; all others follow from code."""
-        return shipped(self.homes)
 
 
 QUICK: Final = Settings(
@@ -131,13 +126,13 @@ class Aimless:
 
 def drives(settings: Settings, arenas: Path) -> list[Drive]:
     """Return the training drives of a seed: in every home, and those of the mixture."""
-    homes = [replace(settings.drive, arena=place.file(arenas)) for place in settings.homes]
-    return homes + (_mixture(settings, arenas) if settings.unseen else [])
+    mixture = _mixture(settings, arenas) if settings.unseen else []
+    return in_place.drives(settings, arenas) + mixture
 
 
 def parts(settings: Settings) -> list[Settings]:
     """Return each home by itself, and the mixture with all that is driven after it."""
-    homes = [replace(settings, homes=(home,), mixture=(), unseen=()) for home in settings.homes]
+    homes = in_place.parts(replace(settings, mixture=(), unseen=()))
     if not (settings.mixture and settings.unseen):
         return homes
     return [*homes, replace(settings, homes=(), lights=())]

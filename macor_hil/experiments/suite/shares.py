@@ -16,7 +16,7 @@ from macor_hil.experiments.drives.course import (
 from macor_hil.experiments.drives.training_drive import Drive
 from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import Estimate, estimate, mean
-from macor_hil.experiments.results.store import Result, Results
+from macor_hil.experiments.results.store import Result
 from macor_hil.runs.possible import Possible, compare, share_of
 from macor_hil.runs.trials import Trial
 
@@ -54,15 +54,6 @@ def possible_in(condition: Result) -> list[Possible]:
 def trials_of(condition: Result, system: str) -> list[Trial]:
     """Return the trials of a system."""
     return [trial_from_json(one) for one in condition["trials"][system]]
-
-
-def by_arena(results: Results) -> dict[str, list[tuple[int, Result]]]:
-    """Return the conditions of results, each with its training seed, by arena and look."""
-    groups: dict[str, list[tuple[int, Result]]] = {}
-    for seed, result in results.items():
-        for one in result["driven"]:
-            groups.setdefault(f"{one['arena']}, {one['look']}", []).append((seed, one))
-    return groups
 
 
 def compared_rows(condition: Result, system: str, where: Row) -> Iterator[Row]:
