@@ -135,7 +135,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
     return {
         _picture(one): trials_figure(
             {
-                fill(name, 22): (
+                fill(name, 30): (
                     Outline.model_validate(one["outline"]),
                     trials_of(one, name)[0],
                 )
