@@ -1,4 +1,4 @@
-"""What each part of foresight gives: its changes, its trials, its table, its rows."""
+"""Ablation of foresight: its changes, its trials, its table, its rows."""
 
 import csv
 from dataclasses import replace
@@ -27,7 +27,7 @@ SKILL = Skill(
 )
 
 ROOM = np.maximum(np.abs(np.cos(azimuths(120))), np.abs(np.sin(azimuths(120)))) / 2.0
-"""What is seen from the middle of a square room of four heights."""
+"""View from the middle of a square room of four heights."""
 
 
 class Known:

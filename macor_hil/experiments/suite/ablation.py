@@ -1,4 +1,4 @@
-"""What each part of foresight gives: trained and driven in place, with one part changed at a time.
+"""Ablation of foresight: trained and driven in place, with one part changed at a time.
 
 Everything is learned from the recordings of the suite's arenas, once for all changes; what is
 changed is what the planner is given of that, and how far ahead it looks.
