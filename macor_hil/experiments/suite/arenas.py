@@ -34,7 +34,7 @@ from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row
 from macor_hil.experiments.results.store import Result, Results
 from macor_hil.experiments.suite import in_place
-from macor_hil.experiments.suite.in_place import InPlace
+from macor_hil.experiments.suite.in_place import Conditions, InPlace, by_name
 from macor_hil.experiments.suite.share_map import HOW_TO_READ_MAP, share_map
 from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
@@ -206,10 +206,6 @@ def _driven(
     return where | drive_all(systems, course, seed, settings.drive)
 
 
-Conditions = list[tuple[int, Result]]
-"""Conditions, each with its training seed."""
-
-
 def _conditions(results: Results, wanted: Callable[[Result], bool]) -> Conditions:
     return [
         (seed, condition)
@@ -300,7 +296,7 @@ def _chapters(results: Results) -> list[_Chapter]:
         ),
     )
     return [
-        _Chapter(title, picture, ", ".join(by), _with_all(_by_name(conditions, *by)))
+        _Chapter(title, picture, ", ".join(by), _with_all(by_name(conditions, *by)))
         for title, picture, conditions, by in found
         if conditions
     ]
@@ -330,21 +326,13 @@ def _table(chapter: _Chapter) -> Table:
     return Table(chapter.title, (chapter.by, *SYSTEMS), cells)
 
 
-def _by_name(conditions: Conditions, *by: str) -> dict[str, Conditions]:
-    """Group conditions by some of what they are called."""
-    groups: dict[str, Conditions] = {}
-    for seed, one in conditions:
-        groups.setdefault(", ".join(one[name] for name in by), []).append((seed, one))
-    return groups
-
-
 def _verdict(results: Results) -> str:
     said = []
     for trained, conditions in ((IN_PLACE, _in_place(results)), (ELSEWHERE, _elsewhere(results))):
         if not conditions:
             continue
         least, most = GOALS[trained]
-        groups = _by_name(conditions, "arena", "look")
+        groups = by_name(conditions, "arena", "look")
         missed = []
         for name, group in groups.items():
             shares, needless = shares_by_seed(group, FORESIGHT)

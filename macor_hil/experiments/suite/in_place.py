@@ -30,6 +30,9 @@ class InPlace(Learning):
         return shipped(self.homes)
 
 
+Conditions = list[tuple[int, Result]]
+"""Results of systems in one arena, each with its training seed."""
+
 Settings = TypeVar("Settings", bound=InPlace)
 
 
@@ -60,10 +63,15 @@ def driven(
     return {"driven": conditions}
 
 
-def by_arena(results: Results) -> dict[str, list[tuple[int, Result]]]:
-    """Return the conditions of results, each with its training seed, by arena and look."""
-    groups: dict[str, list[tuple[int, Result]]] = {}
-    for seed, result in results.items():
-        for one in result["driven"]:
-            groups.setdefault(f"{one['arena']}, {one['look']}", []).append((seed, one))
+def by_arena(results: Results) -> dict[str, Conditions]:
+    """Return the conditions of results by arena and look."""
+    conditions = [(seed, one) for seed, result in results.items() for one in result["driven"]]
+    return by_name(conditions, "arena", "look")
+
+
+def by_name(conditions: Conditions, *by: str) -> dict[str, Conditions]:
+    """Group conditions by some of what they are called."""
+    groups: dict[str, Conditions] = {}
+    for seed, one in conditions:
+        groups.setdefault(", ".join(one[name] for name in by), []).append((seed, one))
     return groups
