@@ -304,7 +304,8 @@ def test_a_broken_off_sweep_goes_on_and_does_nothing_twice(sweep: Path, recorded
         file.write(b'{"seed": 3, "resu')  # a kill in mid-line
     again: list[tuple[str, int, int]] = []
     reproduce([untold(tiny(TABLE1))], 3, 1, recorded, lambda *said: again.append(said))
-    assert again == [("table1", 0, 1), ("table1", 1, 1)]
+    told = [("report", 0, 1), ("report", 1, 1)]
+    assert again == [("table1", 0, 1), ("table1", 1, 1), *told]
     assert results_of(recorded) == results_of(sweep)
     costs = [json.loads(line) for line in (recorded / COSTS).read_text().splitlines()]
     assert sorted((c["what"], c["seed"]) for c in costs) == [("table1", k) for k in (1, 2, 3)]
@@ -320,7 +321,14 @@ def test_more_seeds_are_added_to_those_that_are_there(sweep: Path, recorded: Pat
 def test_what_is_done_is_told_without_a_drive(sweep: Path, tmp_path: Path) -> None:
     shutil.copytree(sweep / "results", tmp_path / "results")
     with only_one(tmp_path):  # while another process goes on with it
-        page = report([untold(FIGURE2), tiny(TABLE1)], 30, tmp_path)
+        said: list[tuple[str, int, int]] = []
+        page = report(
+            [untold(FIGURE2), tiny(TABLE1)], 30, tmp_path, lambda *what: said.append(what)
+        )
+    assert said == [
+        *(("reading", done, 2) for done in range(3)),
+        *(("report", done, 1) for done in range(2)),
+    ]
     text = page.with_name("report.md").read_text()
     assert "in 3 trainings of" in text
     assert FIGURE2.title not in text
@@ -329,7 +337,7 @@ def test_what_is_done_is_told_without_a_drive(sweep: Path, tmp_path: Path) -> No
 
 def test_where_nothing_is_done_nothing_is_told(tmp_path: Path) -> None:
     with pytest.raises(MacorError, match="holds no result of table1 under these settings; leave"):
-        report([untold(tiny(TABLE1))], 30, tmp_path)
+        report([untold(tiny(TABLE1))], 30, tmp_path, silent)
     assert not list(tmp_path.iterdir())
 
 
@@ -565,9 +573,16 @@ def test_the_report_in_markdown_says_the_same(sweep: Path) -> None:
     assert re.findall(r"!\[[^]]*\]\(([^)]+)\)", text) == page.pictures
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert len(rows) > 20
+    shown = page.text.replace("\N{NO-BREAK SPACE}", " ")
     for row in rows:
         for cell in row.strip("| ").split(" | "):
-            assert cell in page.text or cell == "---"
+            assert cell in shown or cell == "---"
+
+
+def test_numbers_in_cells_of_the_page_stay_with_their_units_and_intervals(sweep: Path) -> None:
+    page = Page((sweep / "report" / "index.html").read_text())
+    assert re.search(r"\d\N{NO-BREAK SPACE}%", page.text)
+    assert re.search(r"\d \(-?[\d.]+\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}[\d.]+\)", page.text)
 
 
 def test_figure2_measures_both_clusterers(recorded: Path) -> None:

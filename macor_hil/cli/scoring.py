@@ -238,10 +238,11 @@ def reproduce(options: ReproduceOptions) -> None:
         chosen = changes.with_settings(chosen, options.settings)
         chosen = catalogue.with_planners(chosen, options.planner)
         check_folder("--out", options.out)
+        watch = _Watch(bars)
         if options.kept:
-            page = runner.report(chosen, options.seeds, options.out)
+            page = runner.report(chosen, options.seeds, options.out, watch)
         else:
-            workers, watch = options.workers or runner.ALL, _Watch(bars)
+            workers = options.workers or runner.ALL
             page = runner.reproduce(
                 chosen, options.seeds, workers, options.out, watch, options.cluster
             )

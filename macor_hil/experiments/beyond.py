@@ -126,9 +126,9 @@ def _place(course: Course) -> str:
 
 
 def _trials(results: Results, place: str, name: str) -> list[list[Trial]]:
-    """Trials, one list a seed."""
+    """Trials without their paths, one list a seed."""
     return [
-        [trial_from_json(one) for one in result["trials"][place][name]]
+        [trial_from_json(one, way=False) for one in result["trials"][place][name]]
         for result in results.values()
     ]
 

@@ -167,6 +167,7 @@ def draw_way(axes: Any, outline: Outline, trial: Trial, window: Window) -> None:
 
     The start is filled; the last circle is crossed out after a collision.
     """
+    from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle, Polygon
     from matplotlib.ticker import MaxNLocator
 
@@ -174,16 +175,25 @@ def draw_way(axes: Any, outline: Outline, trial: Trial, window: Window) -> None:
     for solid in outline.solids:
         axes.add_patch(Polygon(solid.corners, facecolor=solid.colour, edgecolor="none"))
     radius = outline.robot_radius
-    for number, pose in enumerate(trial.path):
-        hit = trial.collided and number == len(trial.path) - 1
-        colour, width = (palette.VERMILION, 2.0) if hit else (palette.WHITE, 1.0)
-        place = (pose.x, pose.y)
-        face = palette.SKY if number == 0 else "none"
-        axes.add_patch(Circle(place, radius, facecolor=face, edgecolor=colour, linewidth=width))
-        nose = pose.x + radius * cos(pose.heading), pose.y + radius * sin(pose.heading)
-        axes.plot([pose.x, nose[0]], [pose.y, nose[1]], color=colour, linewidth=width)
-        if hit:
-            axes.plot(*place, "x", color=palette.VERMILION, markersize=12, markeredgewidth=3.0)
+    colours = [palette.WHITE] * len(trial.path)
+    widths = [1.0] * len(trial.path)
+    if trial.collided:
+        colours[-1], widths[-1] = palette.VERMILION, 2.0
+        end = trial.path[-1]
+        axes.plot(end.x, end.y, "x", color=palette.VERMILION, markersize=12, markeredgewidth=3.0)
+    bodies = [Circle((pose.x, pose.y), radius) for pose in trial.path]
+    faces = [palette.SKY, *["none"] * (len(bodies) - 1)]
+    noses = [
+        [
+            (pose.x, pose.y),
+            (pose.x + radius * cos(pose.heading), pose.y + radius * sin(pose.heading)),
+        ]
+        for pose in trial.path
+    ]
+    # as collections, which are drawn faster than hundreds of circles and lines
+    look: dict[str, Any] = {"edgecolors": colours, "linewidths": widths}
+    axes.add_collection(PatchCollection(bodies, facecolors=faces, **look))
+    axes.add_collection(LineCollection(noses, zorder=2, **look))
     axes.set_aspect("equal")
     axes.set(xlim=window[0], ylim=window[1])
     for axis in (axes.xaxis, axes.yaxis):

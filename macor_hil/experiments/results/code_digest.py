@@ -60,11 +60,10 @@ def code_of(function: Callable[..., Any], uses: Iterable[str] = ()) -> dict[str,
         MacorError: a package is not installed.
     """
     own = function.__module__
-    body = _reached(_statements(_text(own)), function.__name__)
-    found = {own: _dump(body)}
-    around = own.rpartition(".")[0]
-    named = (*_names(own, body), _BY_SCHEME, around)
-    todo = [each for name in named for each in _with_parents(name)]
+    code, imported = _definition(own, _text(own), function.__name__)
+    found = {own: code}
+    names = {*imported, _BY_SCHEME, own.rpartition(".")[0]}
+    todo = [each for name in names for each in _with_parents(name)]
     for place in uses:
         module = place.rpartition(":")[0]
         if module.partition(".")[0] in _PACKAGES:
@@ -76,8 +75,17 @@ def code_of(function: Callable[..., Any], uses: Iterable[str] = ()) -> dict[str,
         if module not in found:
             text = _text(module)
             found[module] = bare_code(text)
-            todo += [each for name in _named(module, text) for each in _with_parents(name)]
+            new = _named(module, text) - names
+            names |= new
+            todo += [each for name in new for each in _with_parents(name)]
     return found
+
+
+@cache
+def _definition(module: str, text: str, name: str) -> tuple[str, frozenset[str]]:
+    """Return the bare code that a definition of a module's text reaches, and what it imports."""
+    body = _reached(_statements(text), name)
+    return _dump(body), frozenset(_names(module, body))
 
 
 @cache
@@ -130,8 +138,8 @@ def _text(module: str) -> str:
 
 
 @cache
-def _named(module: str, text: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(_names(module, _statements(text))))
+def _named(module: str, text: str) -> frozenset[str]:
+    return frozenset(_names(module, _statements(text)))
 
 
 def _names(module: str, body: Body) -> Iterator[str]:
@@ -220,8 +228,14 @@ def _is_package(module: str) -> bool:
 
 def _path(module: str) -> Path | None:
     """Return the file of a module of this project; None if there is none of that name."""
-    package, *rest = module.split(".")
-    place = _folder(package).joinpath(*rest)
+    package, _, rest = module.partition(".")
+    return _file(_folder(package), rest)
+
+
+@cache
+def _file(folder: Path, module: str) -> Path | None:
+    rest = module.split(".") if module else []
+    place = folder.joinpath(*rest)
     if (inside := place / "__init__.py").is_file():
         return inside
     file = place.with_suffix(".py")

@@ -27,7 +27,7 @@ from macor_hil.experiments.suite.shares import (
     HOW_TO_READ,
     cell,
     compared_rows,
-    trials_of,
+    first_trial,
 )
 from macor_hil.mind.experience import Moment
 from macor_hil.mind.foresight.collisions import Curve
@@ -137,7 +137,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
             {
                 fill(name, 30): (
                     Outline.model_validate(one["outline"]),
-                    trials_of(one, name)[0],
+                    first_trial(one, name),
                 )
                 for name in DRAWN
             }

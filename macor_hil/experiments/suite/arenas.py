@@ -41,8 +41,8 @@ from macor_hil.experiments.suite.shares import (
     cell,
     compared_rows,
     drive_all,
+    first_trial,
     shares_by_seed,
-    trials_of,
 )
 from macor_hil.hardware.cameras.light import AS_TRAINED, LIGHTS
 from macor_hil.mind.catalogue import build_brain
@@ -229,7 +229,7 @@ def draw(_: Settings, results: Results) -> dict[str, Figure]:
     for driven in next(iter(results.values()))["driven"]:
         if driven["light"] == AS_TRAINED:
             outline = Outline.model_validate(driven["outline"])
-            shown = {name: (outline, trials_of(driven, name)[0]) for name in DRAWN}
+            shown = {name: (outline, first_trial(driven, name)) for name in DRAWN}
             pictures[_picture(driven)] = trials_figure(shown)
     return pictures
 
@@ -251,8 +251,8 @@ def tell(settings: Settings, results: Results) -> list[Element]:
         )
     ]
     for chapter in _chapters(results):
-        blocks.append(_table(chapter))
         blocks.append(Picture(chapter.picture, f"{chapter.title}. {HOW_TO_READ_MAP}"))
+        blocks.append(_table(chapter))
     blocks.append(Text(_verdict(results)))
     first = next(iter(results.values()))["driven"]
     shown = [one for one in first if one["light"] == AS_TRAINED]
@@ -260,7 +260,7 @@ def tell(settings: Settings, results: Results) -> list[Element]:
 
 
 def _caption(driven: Result) -> str:
-    unhurt = [name for name in DRAWN if not trials_of(driven, name)[0].collided]
+    unhurt = [name for name in DRAWN if not first_trial(driven, name).collided]
     without = " and ".join(unhurt) if unhurt else "nobody"
     return (
         f"First trials in {driven['arena']}, {driven['look']}, trained {driven['trained']}; a cross"

@@ -52,8 +52,13 @@ def possible_in(condition: Result) -> list[Possible]:
 
 
 def trials_of(condition: Result, system: str) -> list[Trial]:
-    """Return the trials of a system."""
-    return [trial_from_json(one) for one in condition["trials"][system]]
+    """Return the trials of a system, without their paths."""
+    return [trial_from_json(one, way=False) for one in condition["trials"][system]]
+
+
+def first_trial(condition: Result, system: str) -> Trial:
+    """Return the first trial of a system, to be drawn."""
+    return trial_from_json(condition["trials"][system][0])
 
 
 def compared_rows(condition: Result, system: str, where: Row) -> Iterator[Row]:

@@ -1,5 +1,6 @@
 """The report, made from results alone: a page of HTML and one of Markdown, pictures beside them."""
 
+import re
 from collections.abc import Iterable, Sequence
 from csv import DictWriter
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from khepera_protocol.palette import drawing_style
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.results.store import Results
+from macor_hil.experiments.sweep.watch import Watch
 from macor_hil.files import write_atomically
 
 _TITLE: Final = "MACOR with Fuzzy ART, reproduced"
@@ -25,6 +27,11 @@ _SCOPE: Final = (
     " intervals are 95 % bootstrap intervals over seeds."
 )
 
+_TOGETHER: Final = re.compile(r"(?<=\d) (?=%)|(?<=\d) (?=to \d)|(?<=\d to) (?=\d)")
+"""Spaces at which a line of a table's cell never ends: `100 %`, `17.9 to 18.4`."""
+
+_NO_BREAK: Final = "\N{NO-BREAK SPACE}"
+
 _PAGE: Final = Template("""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -32,10 +39,10 @@ _PAGE: Final = Template("""<!DOCTYPE html>
 <meta name="viewport" content="width=device-width">
 <title>$title</title>
 <style>
-body { font: 16px/1.5 Georgia, serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
+body { font: 16px/1.5 Georgia, serif; max-width: 64rem; margin: 2rem auto; padding: 0 1rem; }
 table { border-collapse: collapse; margin: 1rem 0; font-size: 0.85rem; }
 caption { text-align: left; font-weight: bold; padding: 0.3rem 0; }
-th, td { padding: 0.2rem 0.8rem; text-align: right; border-top: 1px solid #ccc; }
+th, td { padding: 0.2rem 0.4rem; text-align: right; border-top: 1px solid #ccc; }
 th:first-child { text-align: left; }
 thead th { border-bottom: 2px solid #666; vertical-align: bottom; }
 figure { margin: 1.5rem 0; overflow-x: auto; }
@@ -63,13 +70,16 @@ class Chapter:
     results: Results
 
 
-def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str, Any]]) -> Path:
+def write_report(
+    folder: Path, chapters: Sequence[Chapter], costs: list[dict[str, Any]], watch: Watch
+) -> Path:
     """Draw all pictures and write the page.
 
     Args:
         folder: where page and pictures go.
         chapters: experiments with their results.
         costs: what each piece of work took, in seconds, by its name.
+        watch: hears of the progress.
 
     Returns:
         The page of HTML; `report.md` beside it says the same.
@@ -77,11 +87,14 @@ def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str
     Raises:
         MacorError: the folder cannot be written to.
     """
-    told = [(c.experiment, c.experiment.tell(c.experiment.settings, c.results)) for c in chapters]
-    cost = _cost_table(costs)
-    for chapter in chapters:
+    told = []
+    for number, chapter in enumerate(chapters):
+        watch("report", number, len(chapters))
+        experiment = chapter.experiment
+        told.append((experiment, experiment.tell(experiment.settings, chapter.results)))
         _draw(folder, chapter)
         _write_rows(folder, chapter)
+    cost = _cost_table(costs)
     page = folder / "index.html"
     links = (f'<a href="#{e.name}">{escape(e.title)}</a>' for e, _ in told)
     text = _PAGE.substitute(
@@ -98,6 +111,7 @@ def write_report(folder: Path, chapters: Sequence[Chapter], costs: list[dict[str
         parts += (_markdown(element, experiment.name) for element in elements)
     parts.append(_markdown(cost, ""))
     write_atomically(folder / "report.md", "\n\n".join([*parts, ""]).encode())
+    watch("report", len(chapters), len(chapters))
     return page
 
 
@@ -160,7 +174,7 @@ def _html(element: Element, experiment: str) -> str:
 
 
 def _row(cells: Iterable[str]) -> str:
-    first, *others = map(escape, cells)
+    first, *others = (_TOGETHER.sub(_NO_BREAK, escape(cell)) for cell in cells)
     return f'<tr><th scope="row">{first}</th>{"".join(f"<td>{c}</td>" for c in others)}</tr>'
 
 

@@ -21,9 +21,7 @@ from macor_hil.experiments.results.store import (
 from macor_hil.experiments.sweep.engine import engine
 from macor_hil.experiments.sweep.pages import Chapter, write_report
 from macor_hil.experiments.sweep.part import Part, Work, joined, parts_of
-
-Watch = Callable[[str, int, int], None]
-"""Hears what is being done, how many pieces of it are done, and of how many."""
+from macor_hil.experiments.sweep.watch import Watch
 
 ALL: Final = -1
 """As many workers as this machine has processors, or the cluster has workers."""
@@ -78,16 +76,17 @@ def reproduce(
             )
             for experiment in experiments
         ]
-        return write_report(out / "report", chapters, _costs(out / COSTS))
+        return write_report(out / "report", chapters, _costs(out / COSTS), watch)
 
 
-def report(experiments: Sequence[Experiment], seeds: int, out: Path) -> Path:
+def report(experiments: Sequence[Experiment], seeds: int, out: Path, watch: Watch) -> Path:
     """Write the report page of what has been done so far, also while others go on with it.
 
     Args:
         experiments: what to tell of; one without a result is left out.
         seeds: training seeds; those that are done everywhere count.
         out: folder of recordings, results and report.
+        watch: hears of the progress.
 
     Returns:
         The report page.
@@ -96,7 +95,8 @@ def report(experiments: Sequence[Experiment], seeds: int, out: Path) -> Path:
         MacorError: there is no result of any, or the folder cannot be used.
     """
     chapters = []
-    for experiment in experiments:
+    for number, experiment in enumerate(experiments):
+        watch("reading", number, len(experiments))
         parts = [parts_of(each, out) for each in (experiment, *experiment.also)]
         done = [
             seed
@@ -105,12 +105,13 @@ def report(experiments: Sequence[Experiment], seeds: int, out: Path) -> Path:
         ]
         if done:
             chapters.append(Chapter(experiment, _with_others([_whole(of, done) for of in parts])))
+    watch("reading", len(experiments), len(experiments))
     if not chapters:
         names = ", ".join(each.name for each in experiments)
         raise MacorError(
             f"{out} holds no result of {names} under these settings; leave out --kept to drive"
         )
-    return write_report(out / "report", chapters, _costs(out / COSTS))
+    return write_report(out / "report", chapters, _costs(out / COSTS), watch)
 
 
 def _sweep(

@@ -1,0 +1,6 @@
+"""Who watches a sweep."""
+
+from collections.abc import Callable
+
+Watch = Callable[[str, int, int], None]
+"""Hears what is being done, how many pieces of it are done, and of how many."""
