@@ -1,4 +1,4 @@
-"""Who watches a sweep."""
+"""The watcher of a sweep, as a type."""
 
 from collections.abc import Callable
 
