@@ -64,7 +64,7 @@ def silent(*_: object) -> None:
 
 def tiny(experiment: Experiment, **changes: object) -> Experiment:
     settings = replace(experiment.settings, drive=DRIVE, nodes=8, course=COURSE, **changes)
-    return replace(experiment, settings=settings)
+    return replace(experiment, settings=settings, courses=None)
 
 
 def untold(experiment: Experiment) -> Experiment:
@@ -513,6 +513,7 @@ from c import d as e, f
 if a: x = 1
 LIMIT = 3
 OTHER = f()
+THIRD = [y for y in b]
 class Base: pass
 class Kind(Base):
     def go(self): return LIMIT

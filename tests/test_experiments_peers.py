@@ -142,7 +142,7 @@ def without_artlib(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("without_artlib")
 def test_all_learn_and_are_told_of_in_one_table(tmp_path: Path) -> None:
     page = reproduce([EXPERIMENT], 2, 1, tmp_path, lambda *_: None)
-    (path,) = (tmp_path / "results").iterdir()
+    (path,) = (tmp_path / "results").glob("peers-*")
     _, line, _ = path.read_text().splitlines()
     result = json.loads(line)["result"]
     # what learning took differs from run to run, so it is no result

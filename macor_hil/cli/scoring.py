@@ -39,7 +39,7 @@ from macor_hil.mind.options import PartSettings, PlannerNames
 from macor_hil.mind.planners.planner import Aiming, Planner
 from macor_hil.runs.agent import Agent
 from macor_hil.runs.options import TrialOptions
-from macor_hil.runs.possible import Possible, compare, judge
+from macor_hil.runs.possible import Possible, compare, judge, said_of_starts
 from macor_hil.runs.trials import Spread, Trial, run_trial
 from macor_hil.safety.interruption import signals_taken_over
 
@@ -185,7 +185,7 @@ def _show(results: dict[str, list[Trial]], possible: list[Possible]) -> None:
             table.add_row(name, *_summary(trials, possible[: len(trials)]))
     if table.rows:
         Console().print(table)
-        typer.echo(_starts(possible))
+        typer.echo(said_of_starts(possible))
 
 
 def _summary(results: list[Trial], possible: list[Possible]) -> list[str]:
@@ -200,18 +200,6 @@ def _summary(results: list[Trial], possible: list[Possible]) -> list[str]:
         "-" if shares.share is None else f"{100 * shares.share:.0f} %",
         f"{shares.needless} of {shares.free}",
     ]
-
-
-def _starts(possible: list[Possible]) -> str:
-    """Return a sentence on the starts from which not all commands are possible."""
-    hopeless = sum(each.length == 0 for each in possible)
-    short = sum(not each.everything for each in possible) - hopeless
-    if hopeless + short == 0:
-        return "From every start all commands are possible."
-    return (
-        f"From {hopeless} of {len(possible)} starts nothing is possible: they count in no share."
-        f" From {short} a collision is inevitable later on."
-    )
 
 
 @app.command(epilog="[cyan]macor-hil reproduce table1 --seeds 10[/cyan]")

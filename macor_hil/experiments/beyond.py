@@ -33,7 +33,7 @@ from macor_hil.experiments.drives.systems import (
     situations_of,
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recording, Recordings
-from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.experiment import Courses, Experiment
 from macor_hil.experiments.report.elements import Element, Picture, Table, Text
 from macor_hil.experiments.report.rows import Row, trial_rows
 from macor_hil.experiments.report.statistics import estimate, mean
@@ -84,7 +84,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
     systems |= _steps_to(systems[GRADED], settings, recording)
     result: Result = {"outlines": {}, "trials": {}}
     for course in settings.courses:
-        place = _place(course)
+        place = course.place
         with on_course(course, seed, settings.drive) as track:
             result["outlines"][place] = track.outline().model_dump(mode="json")
             result["trials"][place] = {
@@ -121,10 +121,6 @@ def _steps_to(graded: System, settings: Settings, recording: Recording) -> dict[
     return {name: System(brain, Graded(memory=name)) for name in changed}
 
 
-def _place(course: Course) -> str:
-    return f"{course.arena}, from anywhere" if course.anywhere else course.arena
-
-
 def _trials(results: Results, place: str, name: str) -> list[list[Trial]]:
     """Trials without their paths, one list a seed."""
     return [
@@ -141,14 +137,14 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
             Outline.model_validate(result["outlines"][place]),
             trial_from_json(result["trials"][place][GRADED][0]),
         )
-        for place in map(_place, settings.courses)
+        for place in (course.place for course in settings.courses)
     }
     return {"trajectories": trials_figure(shown)}
 
 
 def tell(settings: Settings, results: Results) -> list[Element]:
     """Report the ablation, and the result of every seed."""
-    places = [_place(course) for course in settings.courses]
+    places = [course.place for course in settings.courses]
     changes = "; ".join(f"{name}: {what}" for name, what in CHANGES.items())
     return [
         Text(
@@ -193,7 +189,7 @@ def _collided(results: Results, place: str, name: str) -> float:
 
 
 def _row(results: Results, course: Course) -> tuple[str, ...]:
-    place = _place(course)
+    place = course.place
     cells = (
         f"{estimate(_lengths(results, place, name), mean)};"
         f" {100 * _collided(results, place, name):.1f} %"
@@ -204,10 +200,10 @@ def _row(results: Results, course: Course) -> tuple[str, ...]:
 
 def _verdict(settings: Settings, results: Results) -> str:
     def part(course: Course) -> float:
-        return float(np.mean(_lengths(results, _place(course), GRADED))) / course.commands
+        return float(np.mean(_lengths(results, course.place, GRADED))) / course.commands
 
     def driven(course: Course) -> str:
-        place = _place(course)
+        place = course.place
         return (
             f"{np.mean(_lengths(results, place, GRADED)):.2f} of {course.commands} commands"
             f" ({100 * _collided(results, place, GRADED):.1f} % collisions)"
@@ -249,4 +245,8 @@ BEYOND = Experiment(
     tell,
     quick=QUICK,
     rows=rows,
+    courses=Courses(
+        lambda settings, _: {course.place: course for course in settings.courses},
+        lambda _, result: result["trials"],
+    ),
 )

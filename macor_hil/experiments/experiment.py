@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from matplotlib.figure import Figure
 
+from macor_hil.experiments.drives.course import Course
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.report.elements import Element
 from macor_hil.experiments.report.rows import Row
@@ -25,6 +26,19 @@ class Settings(Protocol):
     def arenas(self) -> tuple[str, ...]:
         """Every arena that its trials are driven in."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Courses:
+    """The courses of an experiment's trials, whose starts are looked at for what was possible.
+
+    Attributes:
+        of: courses by name, given settings and the folder of arena files.
+        driven: trials of a seed, as they are kept, by course and by system.
+    """
+
+    of: Callable[[Any, Path], Mapping[str, Course]]
+    driven: Callable[[Any, Result], Mapping[str, Mapping[str, Sequence[Any]]]]
 
 
 @dataclass(frozen=True)
@@ -52,6 +66,8 @@ class Experiment:
         parts: settings of the parts whose results, lists by name, follow one another in a seed's
             result. Each part is a piece of work of its own and is kept by itself, so that runs with
             other settings share the parts that are the same; None: there is one, of all settings.
+        courses: of its trials, which are then compared with what was possible from their starts;
+            None: they are not, or the experiment does it by itself.
     """
 
     name: str
@@ -68,6 +84,7 @@ class Experiment:
     rows: Callable[[Any, Results], Iterable[Row]] | None = None
     drives: Callable[[Any, Path], Sequence[Drive]] | None = None
     parts: Callable[[Any], Sequence[Any]] | None = None
+    courses: Courses | None = None
 
     @property
     def kept_as(self) -> str:

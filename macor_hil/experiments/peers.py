@@ -31,7 +31,7 @@ from macor_hil.experiments.drives.systems import (
     learn_all,
 )
 from macor_hil.experiments.drives.training_drive import Drive, Recording, Recordings
-from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.experiment import Courses, Experiment
 from macor_hil.experiments.paper.criteria import (
     order_table,
     per_seed,
@@ -259,6 +259,10 @@ PEERS: Final = Experiment(
     draw,
     tell,
     most_seeds=10,
+    courses=Courses(
+        lambda settings, _: {settings.course.place: settings.course},
+        lambda settings, result: {settings.course.place: result["trials"]},
+    ),
     peer=PEER,
     rows=rows,
 )

@@ -144,6 +144,18 @@ def compare(trials: Sequence[Trial], possible: Sequence[Possible]) -> Shares:
     )
 
 
+def said_of_starts(possible: Sequence[Possible]) -> str:
+    """Return a sentence on the starts from which not all commands are possible."""
+    hopeless = sum(each.length == 0 for each in possible)
+    short = sum(not each.everything for each in possible) - hopeless
+    if hopeless + short == 0:
+        return "From every start all commands are possible."
+    return (
+        f"From {hopeless} of {len(possible)} starts nothing is possible: they count in no share."
+        f" From {short} a collision is inevitable later on."
+    )
+
+
 def share_of(trial: Trial, possible: Possible) -> float | None:
     """Return the share of the possible commands that a trial drove; None: none was possible.
 

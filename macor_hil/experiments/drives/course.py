@@ -1,6 +1,6 @@
 """Systems, a brain and a planner each, learned from a recording and driven live on a course."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import radians
@@ -65,6 +65,11 @@ class Course:
     light: Lighting = AS_TRAINED
     """Light in which they are driven."""
 
+    @property
+    def place(self) -> str:
+        """The arena, and whether trials start anywhere in it, in a few words."""
+        return f"{self.arena}, from anywhere" if self.anywhere else self.arena
+
     def spread(self) -> Spread:
         """Return the spread of starts, in metres and radians."""
         return Spread(self.ahead, self.aside, radians(self.heading))
@@ -94,14 +99,22 @@ class Track:
         agent = Agent(system.brain, Driver(self._hardware.robot), camera)
         return [self._trial(agent, system.planner, seed, k) for k in range(self._course.trials)]
 
-    def possible(self, trials: Sequence[Trial]) -> list[Possible]:
-        """Return what was possible from the start of each trial.
+    def starts(self, seed: int) -> list[Pose]:
+        """Return where the trials of a seed start.
 
         Raises:
             BenchError: the emulator does not answer.
         """
-        tell = judge(self._bench, self._course.commands)
-        return [tell(one.path[0]) for one in trials]
+        numbers = range(self._course.trials)
+        return [self._bench.reset(self._start(seed, number)[0]).pose for number in numbers]
+
+    def possible(self, starts: Iterable[Pose]) -> list[Possible]:
+        """Return what is possible from each of some starts.
+
+        Raises:
+            BenchError: the emulator does not answer.
+        """
+        return list(map(judge(self._bench, self._course.commands), starts))
 
     def is_possible(self, start: Pose, commands: int) -> bool:
         """Tell whether so many commands can be driven from a start without a collision.
@@ -140,14 +153,17 @@ class Track:
         return Ways(self._bench, points, reach)
 
     def _trial(self, agent: Agent, planner: Planner, seed: int, number: int) -> Trial:
+        start, rng = self._start(seed, number)
+        return run_trial(agent, planner, self._bench, start, rng, self._course.commands)
+
+    def _start(self, seed: int, number: int) -> tuple[Reset, np.random.Generator]:
+        """Return how a trial starts, and the randomness of all that follows."""
         rng = np.random.default_rng([seed, number])
         chance = int(rng.integers(2**31))
         if self._course.anywhere:
-            start = Reset(random=True, seed=chance)
-        else:
-            pose = self._bench.reset(Reset(seed=chance)).pose
-            start = Reset(pose=self._course.spread().draw(pose, rng))
-        return run_trial(agent, planner, self._bench, start, rng, self._course.commands)
+            return Reset(random=True, seed=chance), rng
+        pose = self._bench.reset(Reset(seed=chance)).pose
+        return Reset(pose=self._course.spread().draw(pose, rng)), rng
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from macor_hil.experiments.drives.course import (
 from macor_hil.experiments.drives.halls import LONG_CORRIDOR, WIDE_HALL, Hall
 from macor_hil.experiments.drives.path_drive import PathDrive
 from macor_hil.experiments.drives.training_drive import PUT_DOWN, Drive, Recording, Recordings
-from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.experiment import Courses, Experiment
 from macor_hil.experiments.paper.avoidance import (
     HALF,
     Behaviour,
@@ -435,6 +435,25 @@ def _summary(system: Behaviour) -> str:
     )
 
 
+def courses(settings: Settings, files: Path) -> dict[str, Course]:
+    """Return the course of each arena."""
+    return {
+        _where(settings, each): replace(settings.course, arena=_drive(settings, each, files).arena)
+        for each in settings.conditions
+    }
+
+
+def driven(settings: Settings, result: Result) -> dict[str, dict[str, Any]]:
+    """Return the trials by arena, systems named by their conditions."""
+    found = {where: {"straight on": trials} for where, trials in result["straight"].items()}
+    for each in settings.conditions:
+        of = found[_where(settings, each)]
+        for steps, said in ((EARLY, f"{settings.early:,} frames"), (FULL, "all frames")):
+            for name, trials in result["driven"][each.name][steps].items():
+                of[f"{each.name}, {name}, {said}"] = trials
+    return found
+
+
 CONDITIONS: Final = Experiment(
     "conditions",
     "Conditions of figures 3 and 4",
@@ -446,4 +465,5 @@ CONDITIONS: Final = Experiment(
     quick=QUICK,
     rows=rows,
     drives=drives,
+    courses=Courses(courses, driven),
 )

@@ -20,7 +20,7 @@ from macor_hil.experiments.drives.training_drive import (
     Drive,
     Recordings,
 )
-from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.experiment import Courses, Experiment
 from macor_hil.experiments.paper.avoidance import (
     HALF,
     Behaviour,
@@ -303,7 +303,13 @@ def rows(_: Settings, results: Results) -> Iterator[Row]:
 
 def make(name: str, title: str, settings: Settings, tell: Any, quick: Settings) -> Experiment:
     """Return an experiment of this kind."""
-    return Experiment(name, title, settings, trial, draw, tell, quick=quick, rows=rows)
+    courses = Courses(
+        lambda settings, _: {"start": settings.course, "anywhere": settings.elsewhere},
+        lambda _, result: {place: result[place] for place in ("start", "anywhere")},
+    )
+    return Experiment(
+        name, title, settings, trial, draw, tell, quick=quick, rows=rows, courses=courses
+    )
 
 
 QUICK: Final = Settings(

@@ -9,7 +9,8 @@ and the paper's systems once more where a collision earns -1, as the printed mea
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -27,7 +28,7 @@ from macor_hil.experiments.drives.systems import (
     learn_all,
 )
 from macor_hil.experiments.drives.training_drive import QUICK_DRIVE, Drive, Recordings
-from macor_hil.experiments.experiment import Experiment
+from macor_hil.experiments.experiment import Courses, Experiment
 from macor_hil.experiments.paper import criteria
 from macor_hil.experiments.paper.criteria import (
     PAPER,
@@ -310,6 +311,18 @@ def rows(settings: Settings, results: Results) -> Iterator[Row]:
         yield {**row, "system": f"{row['system']}, {_earns(settings.variant)}"}
 
 
+def courses(settings: Settings, _: Path) -> dict[str, Course]:
+    """Return the course of all trials."""
+    return {settings.course.place: settings.course}
+
+
+def driven(settings: Settings, result: Result) -> dict[str, dict[str, Any]]:
+    """Return the trials; systems of the variant have a name of their own."""
+    earns = _earns(settings.variant)
+    others = {f"{name}, {earns}": trials for name, trials in result["variant"].items()}
+    return {settings.course.place: {**result["trials"], **others}}
+
+
 QUICK: Final = Settings(drive=QUICK_DRIVE, course=Course(trials=3))
 
 TABLE1: Final = Experiment(
@@ -321,4 +334,5 @@ TABLE1: Final = Experiment(
     tell,
     quick=QUICK,
     rows=rows,
+    courses=Courses(courses, driven),
 )

@@ -211,10 +211,17 @@ def _defined(statement: ast.stmt) -> set[str]:
             return {name}
         case ast.Import(names=[name]) | ast.ImportFrom(names=[name]) if name.name != "*":
             return {name.asname or name.name.partition(".")[0]}
-        case ast.Assign() | ast.AnnAssign() | ast.AugAssign():
-            nodes = [node for node in ast.walk(statement) if isinstance(node, ast.Name)]
-            return {node.id for node in nodes if isinstance(node.ctx, ast.Store)}
+        case ast.Assign(targets=targets):
+            return {name for target in targets for name in _stored(target)}
+        case ast.AnnAssign(target=target) | ast.AugAssign(target=target):
+            return _stored(target)
     return set()
+
+
+def _stored(target: ast.expr) -> set[str]:
+    """Return the names that a target gives a value; a subscript or an attribute gives none."""
+    nodes = [node for node in ast.walk(target) if isinstance(node, ast.Name)]
+    return {node.id for node in nodes if isinstance(node.ctx, ast.Store)}
 
 
 def _used(statement: ast.stmt) -> set[str]:

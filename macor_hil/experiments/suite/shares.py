@@ -35,7 +35,7 @@ def drive_all(systems: Mapping[str, System], course: Course, seed: int, drive: D
     """
     with on_course(course, seed, drive) as track:
         trials = {name: track.drive(system, seed) for name, system in systems.items()}
-        possible = track.possible(next(iter(trials.values())))
+        possible = track.possible(trial.path[0] for trial in next(iter(trials.values())))
         outline = track.outline().model_dump(mode="json")
     return {
         "commands": course.commands,

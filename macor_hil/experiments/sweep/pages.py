@@ -64,10 +64,11 @@ $chapters
 
 @dataclass(frozen=True, slots=True)
 class Chapter:
-    """An experiment and its results."""
+    """An experiment, its results, and what is told of them beside its own text."""
 
     experiment: Experiment
     results: Results
+    more: Sequence[Element]
 
 
 def write_report(
@@ -91,7 +92,8 @@ def write_report(
     for number, chapter in enumerate(chapters):
         watch("report", number, len(chapters))
         experiment = chapter.experiment
-        told.append((experiment, experiment.tell(experiment.settings, chapter.results)))
+        own = experiment.tell(experiment.settings, chapter.results)
+        told.append((experiment, [*own, *chapter.more]))
         _draw(folder, chapter)
         _write_rows(folder, chapter)
     cost = _cost_table(costs)

@@ -21,6 +21,7 @@ from macor_hil.experiments.results.store import (
 from macor_hil.experiments.sweep.engine import engine
 from macor_hil.experiments.sweep.pages import Chapter, write_report
 from macor_hil.experiments.sweep.part import Part, Work, joined, parts_of
+from macor_hil.experiments.sweep.possible import compared, starts_of
 from macor_hil.experiments.sweep.watch import Watch
 
 ALL: Final = -1
@@ -64,18 +65,15 @@ def reproduce(
     if cluster is not None:
         workers = ALL
     with only_one(out), engine(cluster):
-        chapters = [
-            Chapter(
-                experiment,
-                _with_others(
-                    [
-                        _sweep(each, numbers[: experiment.most_seeds], workers, out, watch)
-                        for each in (experiment, *experiment.also)
-                    ]
-                ),
-            )
-            for experiment in experiments
-        ]
+        chapters = []
+        for experiment in experiments:
+            these = numbers[: experiment.most_seeds]
+            results = [
+                _sweep(each, these, workers, out, watch) for each in (experiment, *experiment.also)
+            ]
+            which = starts_of(experiment, out)
+            starts = {} if which is None else _sweep(which, these, workers, out, watch)
+            chapters.append(_chapter(experiment, _with_others(results), starts, out))
         return write_report(out / "report", chapters, _costs(out / COSTS), watch)
 
 
@@ -104,7 +102,10 @@ def report(experiments: Sequence[Experiment], seeds: int, out: Path, watch: Watc
             if all(seed in part.results for of in parts for part in of)
         ]
         if done:
-            chapters.append(Chapter(experiment, _with_others([_whole(of, done) for of in parts])))
+            results = _with_others([_whole(of, done) for of in parts])
+            which = starts_of(experiment, out)
+            starts = {} if which is None else parts_of(which, out)[0].results
+            chapters.append(_chapter(experiment, results, starts, out))
     watch("reading", len(experiments), len(experiments))
     if not chapters:
         names = ", ".join(each.name for each in experiments)
@@ -112,6 +113,10 @@ def report(experiments: Sequence[Experiment], seeds: int, out: Path, watch: Watc
             f"{out} holds no result of {names} under these settings; leave out --kept to drive"
         )
     return write_report(out / "report", chapters, _costs(out / COSTS), watch)
+
+
+def _chapter(experiment: Experiment, results: Results, starts: Results, out: Path) -> Chapter:
+    return Chapter(experiment, results, compared(experiment, results, starts, out))
 
 
 def _sweep(
