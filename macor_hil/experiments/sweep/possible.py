@@ -1,6 +1,6 @@
 """The drives that were possible from the starts of an experiment's trials, kept beside these.
 
-It depends on robot and course alone, so that no trial is driven again for it.
+They depend on robot and course alone, so that no trial is driven again for them.
 """
 
 from collections.abc import Mapping
