@@ -152,6 +152,33 @@ def test_ctrl_c_in_mid_drive_tells_how_to_go_on(tmp_path: Path) -> None:
     )
 
 
+INTERRUPTED = """
+import os, signal, sys
+from joblib.externals.loky.backend import resource_tracker
+from macor_hil.cli import main
+
+register = resource_tracker.register
+
+def interrupted(name, kind):
+    register(name, kind)
+    if kind == "folder":
+        os.kill(os.getpid(), signal.SIGINT)
+
+resource_tracker.register = interrupted
+sys.argv[0] = "macor-hil"
+sys.exit(main())
+"""
+
+
+def test_how_to_go_on_is_the_last_line_also_when_workers_were_just_being_started(
+    tmp_path: Path,
+) -> None:
+    command = [sys.executable, "-c", INTERRUPTED, *SWEEP, str(tmp_path / "sweep")]
+    done = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 130
+    assert done.stderr.endswith(f"go on with: macor-hil {' '.join(SWEEP)} {tmp_path / 'sweep'}\n")
+
+
 def wait_for(what: Any) -> None:
     until = time.monotonic() + 60
     while not what():

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -23,6 +24,7 @@ from macor_hil.experiments.sweep.pages import Chapter, write_report
 from macor_hil.experiments.sweep.part import Part, Work, joined, parts_of
 from macor_hil.experiments.sweep.possible import compared, starts_of
 from macor_hil.experiments.sweep.watch import Watch
+from macor_hil.safety.interruption import interruption_in_charge, undisturbed
 
 ALL: Final = -1
 """As many workers as this machine has processors, or the cluster has workers."""
@@ -177,10 +179,15 @@ def _parallel(
     if not calls:
         return
     watch(what, 0, len(calls))
-    pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
-    for done, outcome in enumerate(pool(calls), 1):
-        yield outcome
-        watch(what, done, len(calls))
+    with ExitStack() as pools:
+        with undisturbed():  # half-made, workers leave a folder that is warned of at the end
+            pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
+            pools.enter_context(pool)
+        if interruption := interruption_in_charge():
+            interruption.check()
+        for done, outcome in enumerate(pool(calls), 1):
+            yield outcome
+            watch(what, done, len(calls))
 
 
 def _timed(work: Callable[[_Given], _T], given: _Given) -> tuple[_Given, _T, float]:
