@@ -109,7 +109,7 @@ class Shell:
                 cwd=self.folder,
                 capture_output=True,
                 text=True,
-                timeout=PATIENCE,
+                timeout=4 * PATIENCE,  # the first time it may make machine code
                 check=False,
             )
             if done.returncode:
