@@ -4,22 +4,18 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from macor_hil.commands import COMMANDS, FIRST_COMMAND
 from macor_hil.experiments.drives.course import Course, System, on_course, trial_as_json
 from macor_hil.experiments.drives.training_drive import Drive, record
-from macor_hil.experiments.experiment import Courses, Experiment
-from macor_hil.experiments.paper.conditions import CONDITIONS
+from macor_hil.experiments.experiment import Courses
+from macor_hil.experiments.paper.conditions import CONDITIONS, StraightOn
 from macor_hil.experiments.paper.table1 import TABLE1
-from macor_hil.experiments.report.elements import Table, Text
-from macor_hil.experiments.results.store import Result
+from macor_hil.experiments.report.elements import Element, Table, Text
+from macor_hil.experiments.results.store import Result, Results
 from macor_hil.experiments.sweep.possible import compared, starts_of
 from macor_hil.experiments.sweep.runner import report, reproduce
-from macor_hil.mind.experience import Moment
-from macor_hil.mind.planners.planner import Plan
 from macor_hil.runs.trials import Trial
 
 HERE = Course(trials=3, commands=4)
@@ -27,38 +23,34 @@ ANYWHERE = Course(trials=3, commands=4, anywhere=True)
 DRIVE = Drive(tuning=10, random=24)
 
 
-def told_of(*courses: Course) -> Experiment:
-    """Table 1 without pictures and text, which tells of the trials of other courses."""
-    return replace(
-        TABLE1,
-        settings=replace(TABLE1.settings, drive=DRIVE, course=HERE),
-        draw=lambda *_: {},
-        tell=lambda *_: [],
-        rows=None,
-        courses=Courses(
-            lambda *_: {course.place: course for course in courses},
-            lambda _, result: result["trials"],
-        ),
-    )
+UNTOLD = replace(
+    TABLE1,
+    settings=replace(TABLE1.settings, drive=DRIVE, course=HERE),
+    draw=lambda *_: {},
+    tell=lambda *_: [],
+)
+"""Table 1 without pictures and text of its own."""
+
+OF_ANOTHER = replace(
+    UNTOLD,
+    courses=Courses(lambda *_: {HERE.place: HERE}, lambda _, result: result["trials"]),
+)
+"""The same of results that have their trials by course."""
 
 
-class Straight:
-    """A planner that drives straight on, whatever it knows."""
-
-    memory = "transitions"
-
-    def plan(self, _memory: Any, _now: Moment) -> Plan:
-        """Choose straight on."""
-        return Plan((None,) * len(COMMANDS), FIRST_COMMAND)
+def told(results: Results, found: Results, out: Path) -> list[Element]:
+    starts = starts_of(OF_ANOTHER, out)
+    assert starts is not None
+    return compared(OF_ANOTHER, results, starts, found)
 
 
 @pytest.mark.parametrize("course", [HERE, ANYWHERE], ids=lambda course: str(course.place))
 def test_starts_are_where_trials_start(course: Course) -> None:
     brain = record(DRIVE, 1).brain
     with on_course(course, 1, DRIVE) as track:
-        system = System(brain, Straight())
+        system = System(brain, StraightOn())
         assert track.starts(1) == [trial.path[0] for trial in track.drive(system, 1)]
-        assert [one.length for one in track.possible(track.starts(1))] == [4, 4, 4]
+        assert [one.length for one in track.possible(1)] == [4, 4, 4]
 
 
 def result(*lengths: int) -> Result:
@@ -69,7 +61,7 @@ def result(*lengths: int) -> Result:
 def test_trials_are_compared_with_what_was_possible(tmp_path: Path) -> None:
     starts = {seed: {"corridor": [[4, True], [2, True], [0, True]]} for seed in (1, 2)}
     results = {1: result(4, 3, 1), 2: result(3, 3, 1)}
-    table, text = compared(told_of(HERE), results, starts, tmp_path)
+    table, text = told(results, starts, tmp_path)
     assert isinstance(table, Table)
     assert isinstance(text, Text)
     # of the first seed all that was possible was driven, of the second (2/4 + 2/2) / 2
@@ -82,19 +74,13 @@ def test_trials_are_compared_with_what_was_possible(tmp_path: Path) -> None:
 
 def test_nothing_is_told_where_a_seed_s_starts_are_missing(tmp_path: Path) -> None:
     starts = {1: {"corridor": [[4, True]]}}
-    assert compared(told_of(HERE), {1: result(4), 2: result(4)}, starts, tmp_path) == []
-    assert compared(replace(TABLE1, courses=None), {1: result(4)}, {}, tmp_path) == []
+    assert told({1: result(4), 2: result(4)}, starts, tmp_path) == []
+    assert starts_of(replace(TABLE1, courses=None), tmp_path) is None
 
 
 def test_a_sweep_keeps_starts_beside_its_trials_and_tells_of_them(tmp_path: Path) -> None:
-    table = replace(
-        TABLE1,
-        settings=replace(TABLE1.settings, drive=DRIVE, course=HERE),
-        draw=lambda *_: {},
-        tell=lambda *_: [],
-    )
     said: list[str] = []
-    page = reproduce([table], 1, 1, tmp_path, lambda what, *_: said.append(what))
+    page = reproduce([UNTOLD], 1, 1, tmp_path, lambda what, *_: said.append(what))
     assert list(dict.fromkeys(said)) == [
         "driving for table1",
         "table1",
@@ -109,10 +95,10 @@ def test_a_sweep_keeps_starts_beside_its_trials_and_tells_of_them(tmp_path: Path
     assert "| corridor: reactive, collision at -1 | " in text
     assert "corridor, 4 commands: From every start all commands are possible." in text
     kept.unlink()
-    report([table], 1, tmp_path, lambda *_: None)
+    report([UNTOLD], 1, tmp_path, lambda *_: None)
     assert "what was possible" not in page.with_name("report.md").read_text()
     shutil.rmtree(tmp_path / "recordings")
-    reproduce([table], 1, 1, tmp_path, lambda *_: None)  # starts need no drive
+    reproduce([UNTOLD], 1, 1, tmp_path, lambda *_: None)  # starts need no drive
     assert not (tmp_path / "recordings").exists()
 
 

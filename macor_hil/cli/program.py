@@ -14,11 +14,7 @@ from khepera_protocol.version import VersionOption
 
 from macor_hil.cli.ending import CLOSED_OUTPUT, SUMMARY, Status, closed_output, status_after
 from macor_hil.errors import MacorError, NotStoppedError, is_lost
-from macor_hil.safety.interruption import (
-    Interruption,
-    interruption_in_charge,
-    undisturbed,
-)
+from macor_hil.safety.interruption import Interruption, unbroken
 
 _log = logging.getLogger(__name__)
 
@@ -68,11 +64,8 @@ class _Program(Parts):
 
         In the middle of it, it would be lost in a callback of the import.
         """
-        with undisturbed():
-            found = super().get_command(ctx, cmd_name)
-        if interruption := interruption_in_charge():
-            interruption.check()
-        return found
+        with unbroken():
+            return super().get_command(ctx, cmd_name)
 
 
 app = typer.Typer(

@@ -133,11 +133,11 @@ def draw(settings: Settings, results: Results) -> dict[str, Figure]:
     """Draw the graded planner's first trial of the first seed in every arena."""
     result = next(iter(results.values()))
     shown = {
-        place: (
-            Outline.model_validate(result["outlines"][place]),
-            trial_from_json(result["trials"][place][GRADED][0]),
+        course.place: (
+            Outline.model_validate(result["outlines"][course.place]),
+            trial_from_json(result["trials"][course.place][GRADED][0]),
         )
-        for place in (course.place for course in settings.courses)
+        for course in settings.courses
     }
     return {"trajectories": trials_figure(shown)}
 

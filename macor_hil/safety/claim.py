@@ -11,7 +11,7 @@ from typing import Final
 from khepera_protocol.system.lock_file import NotALockError, give_back_lock, take_lock
 
 from macor_hil.errors import MacorError
-from macor_hil.safety.interruption import interruption_in_charge, undisturbed
+from macor_hil.safety.interruption import unbroken
 
 _TEXT: Final = b"macor-hil holds this file while it writes the one beside it\n"
 
@@ -27,10 +27,8 @@ def claim(path: Path) -> Iterator[None]:
     lock: int | None = None
     try:
         # a signal in the middle of it would leave the lock's file behind
-        with undisturbed():
+        with unbroken():
             lock = _taken(path, lock_path)
-        if interruption := interruption_in_charge():
-            interruption.check()
         yield
     finally:
         if lock is not None:

@@ -178,6 +178,15 @@ def undisturbed() -> Iterator[None]:
                 signal.raise_signal(n)
 
 
+@contextmanager
+def unbroken() -> Iterator[None]:
+    """Hold signals back meanwhile, and be interrupted right afterwards if one has come."""
+    with undisturbed():
+        yield
+    if interruption := interruption_in_charge():
+        interruption.check()
+
+
 def unwind_on_signals() -> None:
     """Let signals end the process by SystemExit where they would kill it at once.
 

@@ -1,6 +1,6 @@
 """Systems, a brain and a planner each, learned from a recording and driven live on a course."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import radians
@@ -108,13 +108,13 @@ class Track:
         numbers = range(self._course.trials)
         return [self._bench.reset(self._start(seed, number)[0]).pose for number in numbers]
 
-    def possible(self, starts: Iterable[Pose]) -> list[Possible]:
-        """Return what is possible from each of some starts.
+    def possible(self, seed: int) -> list[Possible]:
+        """Return what is possible from where each trial of a seed starts.
 
         Raises:
             BenchError: the emulator does not answer.
         """
-        return list(map(judge(self._bench, self._course.commands), starts))
+        return list(map(judge(self._bench, self._course.commands), self.starts(seed)))
 
     def is_possible(self, start: Pose, commands: int) -> bool:
         """Tell whether so many commands can be driven from a start without a collision.
@@ -177,6 +177,11 @@ def on_course(course: Course, seed: int, drive: Drive) -> Iterator[Track]:
         if hardware.bench is None:
             raise BenchError("trials need an emulated robot")
         yield Track(course, hardware, hardware.bench)
+
+
+def possible_as_json(possible: Sequence[Possible]) -> list[list[int]]:
+    """Return what was possible as it is kept in results: commands, and whether that is certain."""
+    return [[one.length, one.exact] for one in possible]
 
 
 def trial_as_json(trial: Trial) -> dict[str, Any]:

@@ -122,7 +122,7 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
         },
         "outlines": {},
     }
-    for place, course in (("start", settings.course), ("anywhere", settings.elsewhere)):
+    for place, course in _courses(settings).items():
         with on_course(course, seed, settings.drive) as track:
             result["outlines"][place] = track.outline().model_dump(mode="json")
             result[place] = {
@@ -130,6 +130,10 @@ def trial(settings: Settings, seed: int, recordings: Recordings) -> Result:
                 for name, system in systems.items()
             }
     return result
+
+
+def _courses(settings: Settings) -> dict[str, Course]:
+    return {"start": settings.course, "anywhere": settings.elsewhere}
 
 
 def _trials(results: Results, place: str, name: str) -> list[list[Trial]]:
@@ -304,8 +308,8 @@ def rows(_: Settings, results: Results) -> Iterator[Row]:
 def make(name: str, title: str, settings: Settings, tell: Any, quick: Settings) -> Experiment:
     """Return an experiment of this kind."""
     courses = Courses(
-        lambda settings, _: {"start": settings.course, "anywhere": settings.elsewhere},
-        lambda _, result: {place: result[place] for place in ("start", "anywhere")},
+        lambda settings, _: _courses(settings),
+        lambda settings, result: {place: result[place] for place in _courses(settings)},
     )
     return Experiment(
         name, title, settings, trial, draw, tell, quick=quick, rows=rows, courses=courses

@@ -10,6 +10,7 @@ from macor_hil.experiments.drives.course import (
     Course,
     System,
     on_course,
+    possible_as_json,
     trial_as_json,
     trial_from_json,
 )
@@ -35,12 +36,12 @@ def drive_all(systems: Mapping[str, System], course: Course, seed: int, drive: D
     """
     with on_course(course, seed, drive) as track:
         trials = {name: track.drive(system, seed) for name, system in systems.items()}
-        possible = track.possible(trial.path[0] for trial in next(iter(trials.values())))
+        possible = track.possible(seed)
         outline = track.outline().model_dump(mode="json")
     return {
         "commands": course.commands,
         "outline": outline,
-        "possible": [[one.length, one.exact] for one in possible],
+        "possible": possible_as_json(possible),
         "trials": {name: [trial_as_json(one) for one in of] for name, of in trials.items()},
     }
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from macor_hil.experiments.drives.course import Course, on_course
+from macor_hil.experiments.drives.course import Course, on_course, possible_as_json
 from macor_hil.experiments.drives.training_drive import Drive, Recordings
 from macor_hil.experiments.experiment import Experiment
 from macor_hil.experiments.report.elements import Element, Table, Text
@@ -63,30 +63,31 @@ def possible(settings: Settings, seed: int, _: Recordings) -> Result:
     found = {}
     for name, course in settings.courses.items():
         with on_course(course, seed, settings.drive) as track:
-            found[name] = [[one.length, one.exact] for one in track.possible(track.starts(seed))]
+            found[name] = possible_as_json(track.possible(seed))
     return found
 
 
-def compared(experiment: Experiment, results: Results, starts: Results, out: Path) -> list[Element]:
+def compared(
+    experiment: Experiment, results: Results, starts: Experiment, found: Results
+) -> list[Element]:
     """Tell the share of what was possible, for every course and system.
 
     Args:
-        experiment: whose trials they are.
+        experiment: whose trials they are, one with courses.
         results: of them.
-        starts: what was possible, of the same seeds; if it is missing for one, nothing is told.
-        out: folder of recordings, results and arena files.
+        starts: what `starts_of` returns for it.
+        found: the results of that; if a seed is missing among them, nothing is told.
     """
-    which = starts_of(experiment, out)
-    if experiment.courses is None or which is None or not results.keys() <= starts.keys():
+    if experiment.courses is None or not results.keys() <= found.keys():
         return []
     lines, said = [], []
-    for name, course in which.settings.courses.items():
+    for name, course in starts.settings.courses.items():
         conditions: list[tuple[int, Result]] = [
             (
                 seed,
                 {
                     "commands": course.commands,
-                    "possible": starts[seed][name],
+                    "possible": found[seed][name],
                     "trials": experiment.courses.driven(experiment.settings, result)[name],
                 },
             )

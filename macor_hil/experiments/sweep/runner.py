@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -24,7 +25,7 @@ from macor_hil.experiments.sweep.pages import Chapter, write_report
 from macor_hil.experiments.sweep.part import Part, Work, joined, parts_of
 from macor_hil.experiments.sweep.possible import compared, starts_of
 from macor_hil.experiments.sweep.watch import Watch
-from macor_hil.safety.interruption import interruption_in_charge, undisturbed
+from macor_hil.safety.interruption import unbroken
 
 ALL: Final = -1
 """As many workers as this machine has processors, or the cluster has workers."""
@@ -70,12 +71,9 @@ def reproduce(
         chapters = []
         for experiment in experiments:
             these = numbers[: experiment.most_seeds]
-            results = [
-                _sweep(each, these, workers, out, watch) for each in (experiment, *experiment.also)
-            ]
-            which = starts_of(experiment, out)
-            starts = {} if which is None else _sweep(which, these, workers, out, watch)
-            chapters.append(_chapter(experiment, _with_others(results), starts, out))
+            done = partial(_sweep, seeds=these, workers=workers, out=out, watch=watch)
+            results = _with_others(list(map(done, (experiment, *experiment.also))))
+            chapters.append(_chapter(experiment, results, out, done))
         return write_report(out / "report", chapters, _costs(out / COSTS), watch)
 
 
@@ -105,9 +103,7 @@ def report(experiments: Sequence[Experiment], seeds: int, out: Path, watch: Watc
         ]
         if done:
             results = _with_others([_whole(of, done) for of in parts])
-            which = starts_of(experiment, out)
-            starts = {} if which is None else parts_of(which, out)[0].results
-            chapters.append(_chapter(experiment, results, starts, out))
+            chapters.append(_chapter(experiment, results, out, partial(_kept, out=out)))
     watch("reading", len(experiments), len(experiments))
     if not chapters:
         names = ", ".join(each.name for each in experiments)
@@ -117,8 +113,18 @@ def report(experiments: Sequence[Experiment], seeds: int, out: Path, watch: Watc
     return write_report(out / "report", chapters, _costs(out / COSTS), watch)
 
 
-def _chapter(experiment: Experiment, results: Results, starts: Results, out: Path) -> Chapter:
-    return Chapter(experiment, results, compared(experiment, results, starts, out))
+def _chapter(
+    experiment: Experiment, results: Results, out: Path, done: Callable[[Experiment], Results]
+) -> Chapter:
+    """Return a chapter, beside its results what was possible, if `done` has that for all seeds."""
+    starts = starts_of(experiment, out)
+    more = () if starts is None else compared(experiment, results, starts, done(starts))
+    return Chapter(experiment, results, more)
+
+
+def _kept(experiment: Experiment, out: Path) -> Results:
+    (part,) = parts_of(experiment, out)
+    return part.results
 
 
 def _sweep(
@@ -180,11 +186,9 @@ def _parallel(
         return
     watch(what, 0, len(calls))
     with ExitStack() as pools:
-        with undisturbed():  # half-made, workers leave a folder that is warned of at the end
+        with unbroken():  # half-made, workers leave a folder that is warned of at the end
             pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
             pools.enter_context(pool)
-        if interruption := interruption_in_charge():
-            interruption.check()
         for done, outcome in enumerate(pool(calls), 1):
             yield outcome
             watch(what, done, len(calls))
